@@ -1,0 +1,1 @@
+"""Differentiable simulation, control and gain tuning of underwater gliders."""

@@ -1,0 +1,76 @@
+"""Attitude of a body in the north-east-down frame (Fossen 1994); knows no glider.
+
+Euler angles roll φ, pitch θ, heading ψ in the order z-y-x. The map from body rates to
+Euler rates is singular at θ = ±π/2.
+"""
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxglider._types import Scalar
+from jaxglider.numerics import sincos
+
+
+class Attitude(eqx.Module):
+    """Sines and cosines of the three Euler angles, computed once for one instant."""
+
+    sin_roll: Scalar
+    cos_roll: Scalar
+    sin_pitch: Scalar
+    cos_pitch: Scalar
+    sin_heading: Scalar
+    cos_heading: Scalar
+
+
+def attitude(roll: Scalar, pitch: Scalar, heading: Scalar) -> Attitude:
+    """Sines and cosines of roll, pitch and heading [rad]."""
+    return Attitude(*sincos(roll), *sincos(pitch), *sincos(heading))
+
+
+def body_to_ned(
+    a: Attitude, x: Scalar, y: Scalar, z: Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Rotate a body-frame vector into the north-east-down frame.
+
+    R(φ,θ,ψ) (x, y, z); its third row is the T of the paper's kinematics, and turns body
+    velocity into the rate of depth.
+    """
+    across = a.cos_roll * y - a.sin_roll * z
+    down = a.sin_roll * y + a.cos_roll * z
+    ahead = a.cos_pitch * x + a.sin_pitch * down
+    return (
+        a.cos_heading * ahead - a.sin_heading * across,
+        a.sin_heading * ahead + a.cos_heading * across,
+        a.cos_pitch * down - a.sin_pitch * x,
+    )
+
+
+def euler_rates(
+    a: Attitude, roll_rate: Scalar, pitch_rate: Scalar, yaw_rate: Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Rates of roll, pitch and heading [rad/s] from the body rates p, q, r [rad/s].
+
+    φ' = p + tanθ (sinφ q + cosφ r), θ' = cosφ q − sinφ r, ψ' = (sinφ q + cosφ r)/cosθ.
+    The last two are the R of the paper's kinematics. Singular at θ = ±π/2.
+    """
+    heading_dot = (a.sin_roll * pitch_rate + a.cos_roll * yaw_rate) / a.cos_pitch
+    pitch_dot = a.cos_roll * pitch_rate - a.sin_roll * yaw_rate
+    return roll_rate + a.sin_pitch * heading_dot, pitch_dot, heading_dot
+
+
+def rotation_matrix(
+    roll: Scalar, pitch: Scalar, heading: Scalar
+) -> Float[Array, "3 3"]:
+    """The matrix R(φ,θ,ψ) of `body_to_ned`, for drawing and checking."""
+    a = attitude(roll, pitch, heading)
+    columns = [body_to_ned(a, *axis) for axis in jnp.eye(3, dtype=a.sin_roll.dtype)]
+    return jnp.array(columns).T
+
+
+def wrap(angle: Scalar) -> Scalar:
+    """The same angle [rad] in [−π, π)."""
+    turns = jnp.floor(angle * (0.5 / math.pi) + 0.5)
+    return angle - 2.0 * math.pi * turns
