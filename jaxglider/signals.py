@@ -1,0 +1,208 @@
+"""The signals of the closed loop: what flows between glider, observer and controller.
+
+Named scalar fields instead of index constants; a formula that is the same on every
+channel or axis is one function mapped over the fields with `each`.
+
+| signal | symbol of the paper |
+|---|---|
+| `GliderState` | X, Y, Z, φ, θ, ψ and ν = (u, v, w, p, q, r) |
+| `Channels` | η = (Z, θ, ψ) and everything that exists once per controlled output |
+| `BodyAxes` | τ, d, ι and everything that exists once per degree of freedom |
+| `Command` | U = (m_b, r_p1, γ) |
+"""
+
+import dataclasses
+import operator
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from jaxglider import frames
+from jaxglider._types import Container, Scalar, as_float
+
+T = TypeVar("T")
+C = TypeVar("C")
+
+
+def _number() -> Any:
+    return eqx.field(converter=as_float)
+
+
+class GliderState(Container):
+    """Position, attitude and velocity of a glider; its time derivative has this type.
+
+    Attributes:
+        north: position north X [m], NED frame.
+        east: position east Y [m].
+        depth: depth Z [m], positive down.
+        roll: φ [rad].
+        pitch: θ [rad], positive nose up.
+        heading: ψ [rad], clockwise from north, not wrapped.
+        surge: u [m/s], body frame, forward.
+        sway: v [m/s], to starboard.
+        heave: w [m/s], downward.
+        roll_rate: p [rad/s], body frame.
+        pitch_rate: q [rad/s].
+        yaw_rate: r [rad/s].
+    """
+
+    north: Scalar = _number()
+    east: Scalar = _number()
+    depth: Scalar = _number()
+    roll: Scalar = _number()
+    pitch: Scalar = _number()
+    heading: Scalar = _number()
+    surge: Scalar = _number()
+    sway: Scalar = _number()
+    heave: Scalar = _number()
+    roll_rate: Scalar = _number()
+    pitch_rate: Scalar = _number()
+    yaw_rate: Scalar = _number()
+
+    @classmethod
+    def at_rest(cls, **given: Any) -> "GliderState":
+        """A state with the given fields and zero everywhere else."""
+        names = [field.name for field in dataclasses.fields(cls)]
+        unknown = sorted(set(given) - set(names))
+        if unknown:
+            raise ValueError(
+                f"GliderState has no field {unknown[0]!r}; choose from {names}."
+            )
+        return cls(**{name: given.get(name, 0.0) for name in names})
+
+    def attitude(self) -> frames.Attitude:
+        """Sines and cosines of the Euler angles."""
+        return frames.attitude(self.roll, self.pitch, self.heading)
+
+    def velocity(self) -> "BodyAxes[Scalar]":
+        """ν: linear velocity [m/s] and angular rates [rad/s], body frame."""
+        return BodyAxes(
+            self.surge,
+            self.sway,
+            self.heave,
+            self.roll_rate,
+            self.pitch_rate,
+            self.yaw_rate,
+        )
+
+
+class Channels(Container, Generic[T]):
+    """One thing for each controlled output: depth [m], pitch [rad], heading [rad]."""
+
+    depth: T = _number()
+    pitch: T = _number()
+    heading: T = _number()
+
+
+class BodyAxes(Container, Generic[T]):
+    """One thing for each degree of freedom, body frame.
+
+    As a force: surge, sway, heave [N], roll, pitch, yaw [N m]. Sums and quotients are
+    taken axis by axis.
+    """
+
+    surge: T = _number()
+    sway: T = _number()
+    heave: T = _number()
+    roll: T = _number()
+    pitch: T = _number()
+    yaw: T = _number()
+
+    def __add__(self, other: "BodyAxes[T]") -> "BodyAxes[T]":
+        return each(operator.add, self, other)
+
+    def __sub__(self, other: "BodyAxes[T]") -> "BodyAxes[T]":
+        return each(operator.sub, self, other)
+
+    def __truediv__(self, other: "BodyAxes[T]") -> "BodyAxes[T]":
+        return each(operator.truediv, self, other)
+
+    def fields(self) -> tuple[T, T, T, T, T, T]:
+        """The six things in order."""
+        return self.surge, self.sway, self.heave, self.roll, self.pitch, self.yaw
+
+
+class Command(Container, Generic[T]):
+    """U: what the actuators are asked for, or hold.
+
+    Attributes:
+        buoyancy_mass: m_b [kg], positive sinks.
+        mass_position: r_p1 [m], moving mass along the body axis, positive forward.
+        mass_angle: γ [rad], roll angle of the moving mass.
+    """
+
+    buoyancy_mass: T = _number()
+    mass_position: T = _number()
+    mass_angle: T = _number()
+
+
+class Reference(eqx.Module):
+    """What the glider should do now.
+
+    Attributes:
+        position: η_d: depth [m], pitch [rad], heading [rad].
+        rate: η_d' [m/s, rad/s].
+        acceleration: η_d'' [m/s², rad/s²].
+        clock: t* [s], time since the performance funnel was last restarted.
+        target: number of the waypoint or schedule segment being followed.
+        finished: the mission is over.
+    """
+
+    position: Channels[Scalar]
+    rate: Channels[Scalar]
+    acceleration: Channels[Scalar]
+    clock: Scalar
+    target: jax.Array
+    finished: jax.Array
+
+
+class Measurement(eqx.Module):
+    """All that a controller may know about the glider.
+
+    Attributes:
+        state: measured state.
+        attitude: sines and cosines of its Euler angles.
+        applied: command held by the actuators at the end of the previous tick.
+        disturbance: d̂, the observer's estimate so far; force [N] and moment [N m].
+    """
+
+    state: GliderState
+    attitude: frames.Attitude
+    applied: Command[Scalar]
+    disturbance: BodyAxes[Scalar]
+
+
+def each(function: Callable[..., Any], first: Any, *rest: Any) -> Any:
+    """Apply a function field by field to containers of one kind.
+
+    Args:
+        function: called once per field, with that field of each container.
+        first: its type is the type of the result.
+        rest: further containers with the same field names.
+    """
+    names = [field.name for field in dataclasses.fields(first)]
+    return type(first)(
+        **{
+            name: function(*(getattr(c, name) for c in (first, *rest)))
+            for name in names
+        }
+    )
+
+
+def zeros(kind: type[C], like: Any = 0.0) -> C:
+    """A container of zeros with the precision of `like`."""
+    zero = jnp.zeros_like(as_float(like))
+    return kind(*(zero for _ in dataclasses.fields(kind)))  # type: ignore[arg-type]
+
+
+def output_rates(measurement: Measurement) -> Channels[Scalar]:
+    """η' = J(η) ν: rates of depth [m/s], pitch and heading [rad/s]."""
+    s, a = measurement.state, measurement.attitude
+    _, _, depth_rate = frames.body_to_ned(a, s.surge, s.sway, s.heave)
+    _, pitch_rate, heading_rate = frames.euler_rates(
+        a, s.roll_rate, s.pitch_rate, s.yaw_rate
+    )
+    return Channels(depth_rate, pitch_rate, heading_rate)

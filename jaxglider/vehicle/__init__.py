@@ -1,0 +1,1 @@
+"""The glider: its parameters, forces, actuators, and what the controller believes."""

@@ -1,0 +1,167 @@
+"""What controller and observer believe: η'' = f + g U + h d, control-affine.
+
+Source: Yang and Mahmoudian, compact form of the equations of motion. f = J' ν +
+J M⁻¹(Cν + Dν + E), g = J M⁻¹ B, h = J M⁻¹, with the parameters the designer has, and
+with B evaluated at the mass angle applied in the previous tick.
+
+Deviation: the control law prints d̂ where h d̂ is meant, d̂ having six components.
+"""
+
+import equinox as eqx
+
+from jaxglider._types import Scalar
+from jaxglider.frames import Attitude, euler_rates
+from jaxglider.numerics import solve_symmetric
+from jaxglider.signals import BodyAxes, Channels, Command, GliderState, Measurement
+from jaxglider.vehicle.actuation import AbstractActuation, restoring
+from jaxglider.vehicle.hydrodynamics import coriolis, hydrodynamics
+from jaxglider.vehicle.parameters import GliderParameters
+
+
+class InputGain(eqx.Module):
+    """g = J M⁻¹ B: the entries that are not zero, named by output and input.
+
+    Only the buoyancy mass moves the depth directly.
+    """
+
+    depth_buoyancy: Scalar
+    pitch_buoyancy: Scalar
+    pitch_position: Scalar
+    pitch_angle: Scalar
+    heading_buoyancy: Scalar
+    heading_position: Scalar
+    heading_angle: Scalar
+
+    def solve(
+        self, demand: Channels[Scalar], damping: Command[Scalar]
+    ) -> Command[Scalar]:
+        """U = (gᵀg + diag(damping))⁻¹ gᵀ demand.
+
+        g is singular at θ = 0 with φ = 0, where every dive starts: hence the damping.
+
+        Args:
+            demand: wanted g U [m/s², rad/s²].
+            damping: one positive number per actuator.
+        """
+        g00 = self.depth_buoyancy
+        g10, g11, g12 = self.pitch_buoyancy, self.pitch_position, self.pitch_angle
+        g20, g21, g22 = self.heading_buoyancy, self.heading_position, self.heading_angle
+        r0, r1, r2 = demand.depth, demand.pitch, demand.heading
+        return Command(
+            *solve_symmetric(
+                (
+                    g00 * g00 + g10 * g10 + g20 * g20 + damping.buoyancy_mass,
+                    g11 * g11 + g21 * g21 + damping.mass_position,
+                    g12 * g12 + g22 * g22 + damping.mass_angle,
+                ),
+                (g10 * g11 + g20 * g21, g10 * g12 + g20 * g22, g11 * g12 + g21 * g22),
+                (
+                    g00 * r0 + g10 * r1 + g20 * r2,
+                    g11 * r1 + g21 * r2,
+                    g12 * r1 + g22 * r2,
+                ),
+            )
+        )
+
+
+class DesignModel(eqx.Module):
+    """The control-affine model inside a controller or an observer.
+
+    Attributes:
+        parameters: what the designer believes; usually not the truth.
+        actuation: family of moving-mass moments, in its control-affine form.
+    """
+
+    parameters: GliderParameters
+    actuation: AbstractActuation
+
+    def free_force(self, state: GliderState, a: Attitude) -> BodyAxes[Scalar]:
+        """C(ν)ν + D(ν)ν + E: force [N] and moment [N m] with the command at zero."""
+        nu = state.velocity()
+        return (
+            coriolis(self.parameters, nu)
+            + hydrodynamics(self.parameters, nu)
+            + restoring(self.parameters, a)
+        )
+
+    def force(
+        self, state: GliderState, a: Attitude, command: Command[Scalar]
+    ) -> BodyAxes[Scalar]:
+        """The same with the command: what the observer expects of one tick."""
+        b = self.actuation.effectiveness(self.parameters, a, command.mass_angle)
+        return self.free_force(state, a) + b.wrench(command)
+
+    def drift(self, measurement: Measurement) -> Channels[Scalar]:
+        """f + h d̂: output acceleration [m/s², rad/s²] with the command at zero."""
+        s, a = measurement.state, measurement.attitude
+        force = self.free_force(s, a) + measurement.disturbance
+        acceleration = force / self.parameters.inertia()
+        curvature = _frame_acceleration(s, a)
+        pitch, heading = _attitude_acceleration(a, acceleration.pitch, acceleration.yaw)
+        return Channels(
+            curvature.depth
+            + _depth_acceleration(
+                a, acceleration.surge, acceleration.sway, acceleration.heave
+            ),
+            curvature.pitch + pitch,
+            curvature.heading + heading,
+        )
+
+    def input_gain(self, measurement: Measurement) -> InputGain:
+        """g at the measured attitude and the mass angle last applied."""
+        a = measurement.attitude
+        inertia = self.parameters.inertia()
+        b = self.actuation.effectiveness(
+            self.parameters, a, measurement.applied.mass_angle
+        )
+        buoyancy = _attitude_acceleration(
+            a, b.pitch_buoyancy / inertia.pitch, b.yaw_buoyancy / inertia.yaw
+        )
+        position = _attitude_acceleration(
+            a, b.pitch_position / inertia.pitch, b.yaw_position / inertia.yaw
+        )
+        angle = _attitude_acceleration(
+            a, b.pitch_angle / inertia.pitch, b.yaw_angle / inertia.yaw
+        )
+        return InputGain(
+            depth_buoyancy=_depth_acceleration(
+                a,
+                b.surge_buoyancy / inertia.surge,
+                b.sway_buoyancy / inertia.sway,
+                b.heave_buoyancy / inertia.heave,
+            ),
+            pitch_buoyancy=buoyancy[0],
+            pitch_position=position[0],
+            pitch_angle=angle[0],
+            heading_buoyancy=buoyancy[1],
+            heading_position=position[1],
+            heading_angle=angle[1],
+        )
+
+
+def _depth_acceleration(a: Attitude, x: Scalar, y: Scalar, z: Scalar) -> Scalar:
+    return a.cos_pitch * (a.sin_roll * y + a.cos_roll * z) - a.sin_pitch * x
+
+
+def _attitude_acceleration(
+    a: Attitude, pitch: Scalar, yaw: Scalar
+) -> tuple[Scalar, Scalar]:
+    _, pitch_acceleration, heading_acceleration = euler_rates(
+        a, 0.0 * pitch, pitch, yaw
+    )
+    return pitch_acceleration, heading_acceleration
+
+
+def _frame_acceleration(s: GliderState, a: Attitude) -> Channels[Scalar]:
+    """J' ν: output acceleration from the turning of the body frame alone."""
+    roll_dot, pitch_dot, heading_dot = euler_rates(
+        a, s.roll_rate, s.pitch_rate, s.yaw_rate
+    )
+    down = a.sin_roll * s.sway + a.cos_roll * s.heave
+    across = a.cos_roll * s.sway - a.sin_roll * s.heave
+    return Channels(
+        a.cos_pitch * (roll_dot * across - pitch_dot * s.surge)
+        - a.sin_pitch * pitch_dot * down,
+        -roll_dot * heading_dot * a.cos_pitch,
+        pitch_dot * (roll_dot + a.sin_pitch * heading_dot) / a.cos_pitch,
+    )

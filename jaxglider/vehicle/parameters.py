@@ -1,0 +1,200 @@
+"""Physical parameters of a glider, read from data files that carry unit and source.
+
+Every number is a traced float: ensembles and gradients go through all of them.
+"""
+
+import dataclasses
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+
+from jaxglider._types import Container, Scalar, as_float, check_interval
+from jaxglider.signals import BodyAxes, Command
+
+_POSITIVE = (
+    "moving_mass",
+    "gravity",
+    "surge_mass",
+    "sway_mass",
+    "heave_mass",
+    "roll_inertia",
+    "pitch_inertia",
+    "yaw_inertia",
+)
+
+
+def _number() -> Any:
+    return eqx.field(converter=as_float)
+
+
+class GliderParameters(Container):
+    """Parameters of the small-angle glider model (the paper's table of parameters).
+
+    Masses and inertias include the added terms. Body frame, SI units, radians.
+
+    Attributes:
+        moving_mass: m_p [kg].
+        mass_offset: R_p [m], distance of the moving mass from the body axis.
+        buoyancy_position: r_b [m], of the buoyancy engine along the body axis.
+        gravity: g [m/s²].
+        surge_mass: m₁ [kg].
+        sway_mass: m₂ [kg].
+        heave_mass: m₃ [kg].
+        roll_inertia: I₁ [kg m²].
+        pitch_inertia: I₂ [kg m²].
+        yaw_inertia: I₃ [kg m²].
+        drag: K_D0 [kg/m].
+        lift_offset: K_L0 [kg/m].
+        lift_slope: K_L [kg/m/rad].
+        side_force_slope: K_β [kg/m/rad].
+        roll_moment_slope: K_MR [kg/rad].
+        roll_damping: K_p [kg s/rad].
+        pitch_moment_offset: K_M0 [kg].
+        pitch_moment_slope: K_M [kg/rad].
+        pitch_damping: K_q [kg s/rad].
+        yaw_moment_slope: K_MY [kg/rad].
+        yaw_damping: K_r [kg s/rad].
+
+    Raises:
+        ValueError: a mass, an inertia or gravity is not positive, or the drag or the
+            mass offset is negative.
+    """
+
+    moving_mass: Scalar = _number()
+    mass_offset: Scalar = _number()
+    buoyancy_position: Scalar = _number()
+    gravity: Scalar = _number()
+    surge_mass: Scalar = _number()
+    sway_mass: Scalar = _number()
+    heave_mass: Scalar = _number()
+    roll_inertia: Scalar = _number()
+    pitch_inertia: Scalar = _number()
+    yaw_inertia: Scalar = _number()
+    drag: Scalar = _number()
+    lift_offset: Scalar = _number()
+    lift_slope: Scalar = _number()
+    side_force_slope: Scalar = _number()
+    roll_moment_slope: Scalar = _number()
+    roll_damping: Scalar = _number()
+    pitch_moment_offset: Scalar = _number()
+    pitch_moment_slope: Scalar = _number()
+    pitch_damping: Scalar = _number()
+    yaw_moment_slope: Scalar = _number()
+    yaw_damping: Scalar = _number()
+
+    def __check_init__(self) -> None:
+        for name in _POSITIVE:
+            check_interval("GliderParameters", name, getattr(self, name), low=0.0)
+        for name in ("drag", "mass_offset"):
+            check_interval(
+                "GliderParameters", name, getattr(self, name), 0.0, closed_low=True
+            )
+
+    def inertia(self) -> BodyAxes[Scalar]:
+        """Diagonal of M: masses [kg] and moments of inertia [kg m²]."""
+        return BodyAxes(
+            self.surge_mass,
+            self.sway_mass,
+            self.heave_mass,
+            self.roll_inertia,
+            self.pitch_inertia,
+            self.yaw_inertia,
+        )
+
+    def scaled(self, factor: float | Scalar) -> "GliderParameters":
+        """What a designer believes who is wrong by one factor everywhere.
+
+        The paper's "20 % uncertainty" is read as: masses, inertias and hydrodynamic
+        coefficients of the design model are `factor` times the true ones; moving mass,
+        its offset, the position of the buoyancy engine and gravity are known. (Scaling
+        every term of the equation of motion alike would cancel in M⁻¹(...) and leave
+        a scaled disturbance only.)
+        """
+        return dataclasses.replace(
+            self, **{name: factor * getattr(self, name) for name in UNCERTAIN}
+        )
+
+
+UNCERTAIN = tuple(
+    field.name
+    for field in dataclasses.fields(GliderParameters)
+    if field.name not in ("moving_mass", "mass_offset", "buoyancy_position", "gravity")
+)
+"""Names of the parameters that the paper's uncertainty covers: M, I and every K."""
+
+
+@dataclasses.dataclass(frozen=True)
+class VehicleData:
+    """A vehicle as published: its parameters and the limits of its actuators."""
+
+    name: str
+    parameters: GliderParameters
+    limits: Command[Scalar]
+
+
+def vehicle_names() -> list[str]:
+    """Names of the vehicles that come with the package."""
+    folder = resources.files("jaxglider.vehicle") / "data"
+    return sorted(p.name.removesuffix(".toml") for p in folder.iterdir())
+
+
+def load_vehicle(name_or_path: str | Path) -> VehicleData:
+    """Read a vehicle that comes with the package, or a TOML file of the same form.
+
+    Args:
+        name_or_path: a name from `vehicle_names`, or the path of a file.
+
+    Raises:
+        ValueError: unknown name, unknown or missing parameter, or a bad value.
+        OSError: the file cannot be read.
+    """
+    if str(name_or_path) in vehicle_names():
+        text = (
+            resources.files("jaxglider.vehicle") / "data" / f"{name_or_path}.toml"
+        ).read_text()
+    elif Path(name_or_path).suffix == ".toml":
+        text = Path(name_or_path).read_text()
+    else:
+        raise ValueError(
+            f"vehicle must be one of {vehicle_names()} or the path of a .toml file; "
+            f"received {str(name_or_path)!r}."
+        )
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{name_or_path}: not valid TOML: {error}.") from error
+    parameters = _values(data, "parameters", GliderParameters, name_or_path)
+    limits = _values(data, "limits", Command, name_or_path)
+    return VehicleData(
+        str(data.get("name", name_or_path)),
+        GliderParameters(**parameters),
+        Command(**limits),
+    )
+
+
+def _values(
+    data: dict[str, Any], table: str, kind: type, source: str | Path
+) -> dict[str, float]:
+    names = [field.name for field in dataclasses.fields(kind)]
+    entries = data.get(table, {})
+    for key in entries:
+        if key not in names:
+            raise ValueError(
+                f"{source}: unknown key {table}.{key}; choose from {', '.join(names)}."
+            )
+    missing = [name for name in names if name not in entries]
+    if missing:
+        raise ValueError(f"{source}: key {table}.{missing[0]} is missing.")
+    values = {}
+    for key, entry in entries.items():
+        value = entry.get("value") if isinstance(entry, dict) else entry
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(
+                f"{source}: {table}.{key} must be a number or a table with `value`; "
+                f"received {entry!r}."
+            )
+        values[key] = float(value)
+    return values

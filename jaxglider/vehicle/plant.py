@@ -1,0 +1,90 @@
+"""The true glider: rates of change of its twelve states.
+
+M ν' = C(ν)ν + D(ν)ν + B(η, γ) U + E(η) + τ_d, and the full Euler kinematics (the paper
+gives Z, θ and ψ; X, Y and φ are needed too).
+"""
+
+from abc import abstractmethod
+
+import equinox as eqx
+
+from jaxglider import frames
+from jaxglider._types import Scalar
+from jaxglider.frames import Attitude
+from jaxglider.signals import BodyAxes, Command, GliderState
+from jaxglider.vehicle.actuation import (
+    AbstractActuation,
+    PrintedActuation,
+    RigidBodyActuation,
+)
+from jaxglider.vehicle.hydrodynamics import coriolis, hydrodynamics
+from jaxglider.vehicle.parameters import GliderParameters
+
+
+class AbstractPlant(eqx.Module):
+    """A glider that can be integrated in time."""
+
+    @abstractmethod
+    def derivative(
+        self,
+        state: GliderState,
+        command: Command[Scalar],
+        disturbance: BodyAxes[Scalar],
+    ) -> GliderState:
+        """Time derivative of the state.
+
+        Args:
+            state: NED position, Euler angles, body velocity.
+            command: what the actuators hold.
+            disturbance: τ_d, external force [N] and moment [N m], body frame.
+        """
+
+
+class SmallAnglePlant(AbstractPlant):
+    """The paper's small-angle glider with one family of moving-mass moments.
+
+    Attributes:
+        parameters: the true parameters.
+        actuation: printed or rigid-body moments.
+    """
+
+    parameters: GliderParameters
+    actuation: AbstractActuation
+
+    def force(
+        self, state: GliderState, a: Attitude, command: Command[Scalar]
+    ) -> BodyAxes[Scalar]:
+        """C(ν)ν + D(ν)ν + B U + E: force [N] and moment [N m] without disturbance."""
+        nu = state.velocity()
+        return (
+            coriolis(self.parameters, nu)
+            + hydrodynamics(self.parameters, nu)
+            + self.actuation.wrench(self.parameters, a, command)
+        )
+
+    def derivative(
+        self,
+        state: GliderState,
+        command: Command[Scalar],
+        disturbance: BodyAxes[Scalar],
+    ) -> GliderState:
+        """ν' = M⁻¹(force + τ_d) and the Euler kinematics."""
+        a = state.attitude()
+        acceleration = (
+            self.force(state, a, command) + disturbance
+        ) / self.parameters.inertia()
+        return GliderState(
+            *frames.body_to_ned(a, state.surge, state.sway, state.heave),
+            *frames.euler_rates(a, state.roll_rate, state.pitch_rate, state.yaw_rate),
+            *acceleration.fields(),
+        )
+
+
+def printed_plant(parameters: GliderParameters) -> SmallAnglePlant:
+    """The paper's own glider: the one on which its figures come out again."""
+    return SmallAnglePlant(parameters, PrintedActuation())
+
+
+def rigid_body_plant(parameters: GliderParameters) -> SmallAnglePlant:
+    """The glider whose moving mass obeys mechanics: much harder to steer."""
+    return SmallAnglePlant(parameters, RigidBodyActuation())
