@@ -1,0 +1,112 @@
+"""Compiler options that make a scan over control ticks fast on a CPU.
+
+By default XLA runs the body of a loop as some hundred calls of small kernels. Told that
+every loop is small, it emits the whole time loop as one function: a single rollout then
+runs ten to twenty times as fast. The option is internal to XLA and may change, so it is
+set here alone, is probed in a child process on versions it was not tried on, and is left
+out with a notice where it does not work.
+
+It travels in the environment variable XLA_FLAGS, which XLA reads at its first use. The
+library never sets it by itself.
+"""
+
+import hashlib
+import importlib.metadata
+import os
+import platform
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+FAST_LOOP_FLAGS = (
+    "--xla_backend_extra_options="
+    "xla_cpu_small_while_loop_byte_threshold=1000000000,"
+    "xla_cpu_disable_loop_unrolling=true",
+    "--xla_cpu_prefer_vector_width=512",
+)
+SWITCH = "JAXGLIDER_FAST_LOOPS"
+_TRIED = ("0.10.",)
+_PROBE = "import jax; jax.jit(lambda x: x + 1)(1.0).block_until_ready()"
+
+
+def enable_fast_loops() -> bool:
+    """Set the options, unless they are switched off or do not work here.
+
+    Call it before the first computation of JAX. A user's own XLA_FLAGS are kept; where
+    they already set one of these options, theirs wins. Set the environment variable
+    JAXGLIDER_FAST_LOOPS=0 to switch the options off.
+
+    Returns:
+        Whether the options are in force. If not, everything works, only slower.
+    """
+    if os.environ.get(SWITCH, "1") == "0":
+        return False
+    if _backend_started():
+        warnings.warn(
+            "enable_fast_loops() came after JAX's first computation and has no effect; "
+            "call it first thing in the program.",
+            stacklevel=2,
+        )
+        return False
+    if not _works():
+        warnings.warn(
+            "this version of XLA refuses the fast-loop options; running without them.",
+            stacklevel=2,
+        )
+        return False
+    given = os.environ.get("XLA_FLAGS", "")
+    missing = [flag for flag in FAST_LOOP_FLAGS if flag.split("=")[0] not in given]
+    os.environ["XLA_FLAGS"] = " ".join([given, *missing]).strip()
+    return True
+
+
+def cache_folder() -> Path:
+    """Where compiled programs and probes are kept for this user and kind of processor."""
+    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(root) / "jaxglider" / _processor()
+
+
+def _processor() -> str:
+    """A short name of the processor: programs compiled for one may crash on another."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        traits = sorted({x for x in lines if x.startswith(("model name", "flags"))})
+    except OSError:
+        traits = [platform.processor()]
+    digest = hashlib.sha256("\n".join(traits).encode()).hexdigest()[:12]
+    return f"{platform.machine()}-{digest}"
+
+
+def _backend_started() -> bool:
+    if "jax" not in sys.modules:
+        return False
+    try:
+        from jax._src import xla_bridge
+
+        return bool(xla_bridge.backends_are_initialized())
+    except (ImportError, AttributeError):
+        return False
+
+
+def _works() -> bool:
+    version = importlib.metadata.version("jaxlib")
+    if version.startswith(_TRIED):
+        return True
+    verdict = cache_folder() / f"fast-loops-{version}"
+    if verdict.exists():
+        return verdict.read_text() == "yes"
+    environment = {**os.environ, "XLA_FLAGS": " ".join(FAST_LOOP_FLAGS)}
+    probe = subprocess.run(
+        [sys.executable, "-c", _PROBE],
+        env=environment,
+        capture_output=True,
+        check=False,
+    )
+    works = probe.returncode == 0
+    try:
+        verdict.parent.mkdir(parents=True, exist_ok=True)
+        verdict.write_text("yes" if works else "no")
+    except OSError:
+        pass
+    return works

@@ -1,0 +1,41 @@
+"""Shared set-up: double precision, shape checks, and programs compiled only once."""
+
+import os
+import tempfile
+
+import pytest
+
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+os.environ["XLA_FLAGS"] = (
+    os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
+).strip()
+
+from jaxtyping import install_import_hook
+
+install_import_hook("jaxglider", "beartype.beartype")
+
+import jaxglider
+
+jaxglider.enable_fast_loops()
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update(
+    "jax_compilation_cache_dir",
+    os.environ.get("JAXGLIDER_TEST_CACHE")
+    or tempfile.mkdtemp(prefix="jaxglider-test-cache-"),
+)
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+
+from jaxglider.rollout import evaluate, simulate
+
+
+@pytest.fixture(scope="session")
+def evaluate_jit():
+    return jax.jit(evaluate)
+
+
+@pytest.fixture(scope="session")
+def simulate_jit():
+    return jax.jit(simulate)
