@@ -1,10 +1,10 @@
 """Compiler options that make a scan over control ticks fast on a CPU.
 
-By default XLA runs the body of a loop as some hundred calls of small kernels. Told that
-every loop is small, it emits the whole time loop as one function: a single rollout then
-runs ten to twenty times as fast. The option is internal to XLA and may change, so it is
-set here alone, is probed in a child process on versions it was not tried on, and is left
-out with a notice where it does not work.
+By default XLA runs the body of a loop as some hundred calls of small kernels. Told
+that every loop is small, it emits the whole time loop as one function: a single rollout
+then runs ten to twenty times as fast. The option is internal to XLA and may change, so
+it is set here alone, is probed in a child process on versions it was not tried on, and
+is left out with a notice where it does not work.
 
 It travels in the environment variable XLA_FLAGS, which XLA reads at its first use. The
 library never sets it by itself.
@@ -62,7 +62,7 @@ def enable_fast_loops() -> bool:
 
 
 def cache_folder() -> Path:
-    """Where compiled programs and probes are kept for this user and kind of processor."""
+    """Where compiled programs and probes are kept, for this user and processor."""
     root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(root) / "jaxglider" / _processor()
 

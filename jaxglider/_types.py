@@ -37,14 +37,16 @@ def as_float(value: Any) -> Any:
     Returns:
         A strongly typed floating array, or `value` itself where it is no number.
     """
-    if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.floating):
-        if value.aval.weak_type:
+    if isinstance(value, jax.Array):
+        if jnp.issubdtype(value.dtype, jnp.integer):
+            return value.astype(jnp.result_type(float))
+        if jnp.issubdtype(value.dtype, jnp.floating) and value.aval.weak_type:
             return jax.lax.convert_element_type(value, np.dtype(value.dtype))
         return value
     if isinstance(value, bool | str) or value is None:
         return value
-    if isinstance(value, int | float | np.ndarray | np.number | jax.Array | list):
-        return jnp.asarray(np.asarray(value), dtype=jnp.result_type(float))
+    if isinstance(value, int | float | np.ndarray | np.number | list):
+        return jnp.asarray(value, dtype=jnp.result_type(float))
     return value
 
 

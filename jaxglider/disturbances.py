@@ -108,7 +108,6 @@ class GaussMarkov(AbstractDisturbance):
     def realise(self, key: jax.Array, times: Series) -> BodyAxes[Series]:
         """One sample path, started from the stationary distribution."""
         dt = times[1] - times[0]
-        keys = BodyAxes(*(jr.fold_in(key, axis) for axis in range(6)))
 
         def path(own: jax.Array, sigma: Scalar, tau: Scalar) -> Series:
             shocks = sigma * jr.normal(own, times.shape, times.dtype)
@@ -122,12 +121,10 @@ class GaussMarkov(AbstractDisturbance):
             _, tail = lax.scan(advance, shocks[0], shocks[1:])
             return jnp.concatenate([shocks[:1], tail])
 
-        return each(
-            lambda sd, k, tau: path(k, sd, tau),
-            self.standard_deviation,
-            keys,
-            self.correlation_time,
-        )
+        keys = jax.vmap(lambda axis: jr.fold_in(key, axis))(jnp.arange(6))
+        sigmas = jnp.stack(self.standard_deviation.fields())
+        taus = jnp.stack(self.correlation_time.fields())
+        return BodyAxes(*jax.vmap(path)(keys, sigmas, taus))
 
 
 class Sum(AbstractDisturbance):

@@ -71,6 +71,8 @@ def map_members(
     if block < 1:
         raise ValueError(f"block must be at least 1; received {block}.")
     count = int(next(iter(sizes))[0])
+    if count < 1:
+        raise ValueError("members must be at least one; received none.")
     shares = 1 if devices is None else len(devices)
     lanes = min(block, -(-count // shares))
     padded = shares * lanes * -(-count // (shares * lanes))

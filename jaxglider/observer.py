@@ -187,7 +187,9 @@ def observer_root(
     size = jnp.abs(target)
     linear = 1.0 + 2.0 * a2 * stretch + a1 / jnp.sqrt(smooth_abs(target, smoothing))
     square = 1.5 * a2 * stretch * stretch
-    guess = 2.0 * size / (linear + jnp.sqrt(linear * linear + 4.0 * square * size))
+    # The half sign of φ₂: a constant far from zero, a steep slope near it.
+    rest = jnp.maximum(size - 0.5 * a2, size / (1.0 + 0.5 * a2 / smoothing))
+    guess = 2.0 * rest / (linear + jnp.sqrt(linear * linear + 4.0 * square * rest))
     return monotone_root(_left_side, steps, target, jnp.sign(target) * guess, gains)
 
 

@@ -6,8 +6,11 @@ until 800 s, go on with the same period. The depth gains break the paper's own r
 k₁ < ¾ k₂² (0.001 against 7.5e-5); they are kept as printed.
 """
 
+import functools
 import math
+import tomllib
 from collections.abc import Callable
+from importlib import resources
 from typing import Any
 
 from jaxglider.controllers import (
@@ -249,3 +252,29 @@ def choose(argument: str, value: str, allowed: tuple[str, ...]) -> None:
 
 def _on_each(thing: Any) -> Channels[Any]:
     return Channels(thing, thing, thing)
+
+
+@functools.cache
+def printed_tables() -> dict[str, Any]:
+    """The paper's two tables: scenario, channel, row, then a list over `columns`."""
+    return tomllib.loads(
+        (resources.files("jaxglider") / "paper_tables.toml").read_text()
+    )
+
+
+def printed_value(
+    scenario: str, channel: str, controller: str, row: str
+) -> float | None:
+    """One number of the printed tables, or None where they have none.
+
+    Args:
+        scenario: `switching` or `waypoints`.
+        channel: `depth`, `pitch` or `heading`.
+        controller: `smc`, `ppc` or `fxtppc`.
+        row: `transient`, `average_tracking`, `average_effort` or `chattering`.
+    """
+    tables = printed_tables()
+    if scenario not in tables or controller not in tables["columns"]:
+        return None
+    column = tables["columns"].index(controller)
+    return float(tables[scenario][channel][row][column])

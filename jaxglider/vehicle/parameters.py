@@ -168,11 +168,14 @@ def load_vehicle(name_or_path: str | Path) -> VehicleData:
         raise ValueError(f"{name_or_path}: not valid TOML: {error}.") from error
     parameters = _values(data, "parameters", GliderParameters, name_or_path)
     limits = _values(data, "limits", Command, name_or_path)
-    return VehicleData(
-        str(data.get("name", name_or_path)),
-        GliderParameters(**parameters),
-        Command(**limits),
-    )
+    try:
+        return VehicleData(
+            str(data.get("name", name_or_path)),
+            GliderParameters(**parameters),
+            Command(**limits),
+        )
+    except ValueError as error:
+        raise ValueError(f"{name_or_path}: {error}") from error
 
 
 def _values(
@@ -180,6 +183,8 @@ def _values(
 ) -> dict[str, float]:
     names = [field.name for field in dataclasses.fields(kind)]
     entries = data.get(table, {})
+    if not isinstance(entries, dict):
+        raise ValueError(f"{source}: {table} must be a table; received {entries!r}.")
     for key in entries:
         if key not in names:
             raise ValueError(

@@ -1,0 +1,287 @@
+import dataclasses
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxglider import numerics
+from jaxglider.observer import FixedTimeObserver, observer_root
+
+DTYPES = [jnp.float32, jnp.float64]
+NEWTON_STEPS = next(
+    field.default
+    for field in dataclasses.fields(FixedTimeObserver)
+    if field.name == "newton_steps"
+)
+
+needs_long_double = pytest.mark.skipif(
+    np.finfo(np.longdouble).eps > 1e-18, reason="long double is no longer than double"
+)
+
+
+def _angles(dtype):
+    """All quadrants, both sides of every seam, and magnitudes from 1e-30 to 1e4."""
+    rng = np.random.default_rng(0)
+    seams = np.arange(-6000, 6001) * (math.pi / 4)
+    tiny = np.logspace(-30, 0, 200)
+    parts = [seams, seams * (1 + 1e-7), np.linspace(-1e4, 1e4, 20001), tiny, -tiny]
+    return np.concatenate([*parts, rng.uniform(-10, 10, 20000), [0.0]]).astype(dtype)
+
+
+@needs_long_double
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_sincos_and_its_derivatives_agree_with_long_double(dtype):
+    x = _angles(dtype)
+    sine, cosine = np.sin(x.astype(np.longdouble)), np.cos(x.astype(np.longdouble))
+
+    def everything(angle):
+        one = jnp.ones_like(angle)
+
+        def slope(a):
+            return jax.jvp(numerics.sincos, (a,), (one,))[1]
+
+        return (
+            numerics.sincos(angle),
+            slope(angle),
+            jax.jvp(slope, (angle,), (one,))[1],
+            jax.grad(lambda a: numerics.sincos(a)[0])(angle),
+        )
+
+    value, first, second, reverse = jax.jit(jax.vmap(everything))(x)
+    assert value[0].dtype == value[1].dtype == dtype
+    pairs = zip(
+        [*value, *first, *second, reverse],
+        [sine, cosine, cosine, -sine, -sine, -cosine, cosine],
+        strict=True,
+    )
+    for got, wanted in pairs:
+        error = np.abs(np.asarray(got).astype(np.longdouble) - wanted)
+        assert error.max() <= 2.0 * np.finfo(dtype).eps
+
+
+def test_sincos_of_what_is_not_finite_is_not_a_number():
+    for bad in (jnp.nan, jnp.inf, -jnp.inf):
+        assert all(np.isnan(v) for v in numerics.sincos(jnp.asarray(bad)))
+
+
+EXPONENTS = (0.0, 0.4, 0.5, 1.0, 1.5, 2.0)
+SMOOTHING = 1e-3
+
+
+@jax.jit
+def _powers(x):
+    def one(x):
+        dtype = x.dtype
+        exponents = tuple(jnp.asarray(a, dtype) for a in EXPONENTS)
+        smoothing = jnp.asarray(SMOOTHING, dtype)
+
+        def all_of(x):
+            return jnp.stack(numerics.signed_powers(x, exponents, smoothing))
+
+        return jax.jvp(all_of, (x,), (jnp.ones_like(x),))
+
+    return jax.vmap(one, out_axes=1)(x)
+
+
+def test_signed_powers_are_odd():
+    x = jnp.logspace(-12, 3, 61)
+    value, slope = _powers(jnp.concatenate([x, -x]))
+    np.testing.assert_array_equal(value[:, :61], -value[:, 61:])
+    np.testing.assert_array_equal(slope[:, :61], slope[:, 61:])
+
+
+def test_signed_powers_equal_their_formula():
+    x = np.concatenate([-np.logspace(-12, 3, 61), [0.0], np.logspace(-12, 3, 61)])
+    value, slope = _powers(jnp.asarray(x))
+    for row, a in enumerate(EXPONENTS):
+        size = np.hypot(x, SMOOTHING)
+        np.testing.assert_allclose(value[row], x * size ** (a - 1), rtol=1e-13)
+        wanted = size ** (a - 3) * (SMOOTHING**2 + a * x**2)
+        # For a = 0 two terms of the size of the secant cancel.
+        error = np.abs(slope[row] - wanted)
+        assert np.all(error <= 1e-13 * size ** (a - 1))
+
+
+def test_signed_powers_away_from_zero_are_the_unsmoothed_ones():
+    x = np.concatenate([-np.logspace(-1, 3, 41), np.logspace(-1, 3, 41)])
+    value, _ = _powers(jnp.asarray(x))
+    for row, a in enumerate(EXPONENTS):
+        sharp = np.abs(x) ** a * np.sign(x)
+        allowed = (SMOOTHING / x) ** 2 * abs(a - 1) / 2 + 1e-14
+        assert np.all(np.abs(value[row] / sharp - 1) <= allowed)
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_signed_powers_have_the_slope_of_the_smoothing_at_zero(dtype):
+    value, slope = _powers(jnp.zeros(1, dtype))
+    assert value.dtype == slope.dtype == dtype
+    np.testing.assert_array_equal(value, 0.0)
+    wanted = [SMOOTHING ** (a - 1) for a in EXPONENTS]
+    np.testing.assert_allclose(slope[:, 0], wanted, rtol=20 * np.finfo(dtype).eps)
+
+
+def test_signed_power_varies_with_its_exponent_as_finite_differences_say():
+    x, delta = jnp.asarray(-0.02), jnp.asarray(SMOOTHING)
+
+    def of_exponent(a):
+        return numerics.signed_power(x, a, delta)
+
+    a, h = jnp.asarray(0.6), 1e-5
+    central = (of_exponent(a + h) - of_exponent(a - h)) / (2 * h)
+    np.testing.assert_allclose(jax.grad(of_exponent)(a), central, rtol=1e-8)
+    at_zero = jax.grad(lambda a: numerics.signed_power(0.0 * x, a, delta))(a)
+    assert float(at_zero) == 0.0
+
+
+def test_smooth_abs_is_positive_and_flat_at_zero():
+    delta = jnp.asarray(1e-3)
+    value, slope = jax.value_and_grad(numerics.smooth_abs)(jnp.asarray(0.0), delta)
+    assert float(value) == 1e-3
+    assert float(slope) == 0.0
+    far = numerics.smooth_abs(jnp.asarray(-3.0), delta)
+    np.testing.assert_allclose(far, math.hypot(3.0, 1e-3), rtol=1e-15)
+
+
+def test_saturate_clips_both_ways_and_passes_slopes_only_inside():
+    x = jnp.array([-5.0, -0.39, 0.0, 0.39, 5.0])
+    limit = jnp.asarray(0.4)
+    value, slope = jax.vmap(jax.value_and_grad(lambda x: numerics.saturate(x, limit)))(
+        x
+    )
+    np.testing.assert_array_equal(value, [-0.4, -0.39, 0.0, 0.39, 0.4])
+    np.testing.assert_array_equal(slope, [0.0, 1.0, 1.0, 1.0, 0.0])
+
+
+def test_select_takes_the_indexed_value_and_the_last_past_the_end():
+    values = [jnp.asarray(v) for v in (3.0, 1.0, 4.0, 1.5)]
+    index = jnp.arange(6)
+    chosen, slopes = jax.jit(
+        jax.vmap(jax.value_and_grad(lambda v, i: numerics.select(i, v)), (None, 0))
+    )(values, index)
+    np.testing.assert_array_equal(chosen, [3.0, 1.0, 4.0, 1.5, 1.5, 1.5])
+    np.testing.assert_array_equal(np.stack(slopes).T, np.eye(4)[[0, 1, 2, 3, 3, 3]])
+
+
+def _left_side(y, a1, a2, stretch, smoothing):
+    size = np.hypot(y, smoothing)
+    phi1 = y * size**-0.5 + stretch * y * size**0.5
+    phi2 = 0.5 * y / size + 2 * stretch * y + 1.5 * stretch**2 * y * size
+    return y + a1 * phi1 + a2 * phi2
+
+
+def _by_bisection(left_side, target):
+    low, high = np.minimum(target, 0.0), np.maximum(target, 0.0)
+    for _ in range(1200):
+        middle = 0.5 * (low + high)
+        below = left_side(middle) < target
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return 0.5 * (low + high)
+
+
+def _observer_problems():
+    """Targets, and gains from a tenth of the paper's to ten times them."""
+    rng = np.random.default_rng(1)
+    paper = np.array([[0.001, 0.01, 18.0], [0.01, 0.1, 18.0], [0.01, 0.1, 180.0]])
+    corner = np.stack(np.meshgrid(*([[0.1, 1.0, 10.0]] * 3)), -1).reshape(-1, 3)
+    factor = np.concatenate([corner, 10 ** rng.uniform(-1, 1, (23, 3))])
+    gains = (paper[:, None] * factor).reshape(-1, 3)
+    dt = np.array([0.01, 0.05, 0.1])
+    size = np.logspace(-8, 3, 34)
+    target = np.concatenate([-size, [0.0], size])
+    case, dt, target = (
+        axis.ravel()
+        for axis in np.meshgrid(np.arange(len(gains)), dt, target, indexing="ij")
+    )
+    iota1, iota2, stretch = gains[case].T
+    return target, (dt * iota1, dt**2 * iota2, stretch, np.full_like(dt, 1e-3))
+
+
+@jax.jit
+def _observer_roots(target, gains):
+    def one(target, gains):
+        root = lambda b, g: observer_root(b, g, NEWTON_STEPS)
+        return root(target, gains), jax.grad(root, (0, 1))(target, gains)
+
+    return jax.vmap(one)(target, gains)
+
+
+def test_monotone_root_meets_the_observer_equation_over_its_whole_tuning_range():
+    target, gains = _observer_problems()
+    root, _ = _observer_roots(target, gains)
+    root = np.asarray(root)
+    residual = np.abs(_left_side(root, *gains) - target)
+    assert np.all(residual <= 1e-9 * np.abs(target))
+    exact = _by_bisection(lambda y: _left_side(y, *gains), target)
+    np.testing.assert_allclose(root, exact, rtol=1e-9, atol=0)
+
+
+def test_monotone_root_has_the_derivative_of_the_exact_root():
+    target, gains = _observer_problems()
+    keep = np.flatnonzero(target)[::7]
+    arguments = [target[keep], *(g[keep] for g in gains)]
+    _, (by_target, by_gains) = _observer_roots(arguments[0], tuple(arguments[1:]))
+    for number, got in enumerate([by_target, *by_gains]):
+        step = 1e-6 * np.abs(arguments[number])
+        ends = []
+        for sign in (1, -1):
+            moved = list(arguments)
+            moved[number] = arguments[number] + sign * step
+            ends.append(
+                _by_bisection(lambda y, p=moved[1:]: _left_side(y, *p), moved[0])
+            )
+        # A root known to rounding limits how small a relative change can be seen.
+        scale = 1e-9 * np.abs(ends[0]) / np.abs(arguments[number])
+        error = np.abs(np.asarray(got) - (ends[0] - ends[1]) / (2 * step))
+        assert np.all(error <= 1e-6 * np.abs(np.asarray(got)) + scale), number
+
+
+def _steep(y, parameters):
+    height, width = parameters
+    return y + height * jnp.tanh(y / width)
+
+
+@jax.jit
+def _steep_roots(target, start):
+    height, width = jnp.asarray(2.0), jnp.asarray(1e-3)
+
+    def one(target, start):
+        def root(target, start, parameters):
+            return numerics.monotone_root(_steep, 60, target, start, parameters)
+
+        parameters = (height, width)
+        value = root(target, start, parameters)
+        return value, jax.grad(root, (0, 1, 2))(target, start, parameters)
+
+    return jax.vmap(one)(target, start)
+
+
+def test_monotone_root_bisects_where_newton_would_leave_the_bracket():
+    target = np.repeat([-5.0, -1.9, -1e-6, 1e-6, 1.9, 2.0, 5.0], 4)
+    start = np.tile([-1e3, 1e-9, 0.5, 1e3], 7)
+    root, slopes = _steep_roots(target, start)
+    exact = _by_bisection(lambda y: y + 2.0 * np.tanh(y / 1e-3), target)
+    np.testing.assert_allclose(root, exact, rtol=1e-12)
+    sech2 = 1.0 / np.cosh(np.minimum(np.abs(exact) / 1e-3, 300.0)) ** 2
+    rise = 1.0 + 2.0 / 1e-3 * sech2
+    by_target, by_start, (by_height, by_width) = slopes
+    np.testing.assert_allclose(by_target, 1.0 / rise, rtol=1e-8)
+    np.testing.assert_array_equal(by_start, 0.0)
+    np.testing.assert_allclose(by_height, -np.tanh(exact / 1e-3) / rise, rtol=1e-8)
+    wanted = 2.0 * exact / 1e-6 * sech2 / rise
+    np.testing.assert_allclose(by_width, wanted, rtol=1e-8, atol=1e-100)
+
+
+def test_solve_symmetric_agrees_with_linalg():
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(200, 3, 3))
+    matrix = root @ root.transpose(0, 2, 1) + 0.05 * np.eye(3)
+    right = rng.normal(size=(200, 3))
+    diagonal = tuple(matrix[:, i, i] for i in range(3))
+    off = (matrix[:, 0, 1], matrix[:, 0, 2], matrix[:, 1, 2])
+    got = jax.jit(jax.vmap(numerics.solve_symmetric))(diagonal, off, tuple(right.T))
+    wanted = np.linalg.solve(matrix, right[..., None])[..., 0]
+    error = np.linalg.norm(np.stack(got, -1) - wanted, axis=-1)
+    condition = np.linalg.cond(matrix)
+    assert np.all(error <= 1e-14 * condition * np.linalg.norm(wanted, axis=-1))
