@@ -1,0 +1,217 @@
+"""How the figures look: colours, line styles and sizes, all handed over explicitly.
+
+Colours are those of Okabe and Ito, told apart with every kind of colour vision; line
+styles differ too, so that a print in grey still reads.
+"""
+
+from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager
+from typing import Any, NamedTuple
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import text_to_path
+from matplotlib.transforms import offset_copy
+
+INK = "#222222"
+"""Reference, truth, waypoints."""
+SHADE = "#d9d9d9"
+"""Funnels."""
+FAINT = "#8c8c8c"
+"""What the legend explains once for all colours."""
+COLUMN = 3.5
+"""Width of one journal column [in]."""
+PAGE = 7.16
+"""Width of two journal columns [in]."""
+TIME_LABEL = "time (s)"
+_HANDLE, _PAD, _SPACING = 2.2, 0.5, 1.1
+"""Of legends, in font sizes: length of a line, gap to its label, gap to the next."""
+
+_RC: dict[Any, Any] = {
+    "font.size": 8.0,
+    "axes.titlesize": 8.0,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "axes.linewidth": 0.6,
+    "axes.unicode_minus": True,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.linewidth": 0.4,
+    "grid.color": "#e6e6e6",
+    "lines.linewidth": 1.1,
+    "lines.dash_capstyle": "butt",
+    "figure.dpi": 100.0,
+    "savefig.dpi": 300.0,
+    "savefig.bbox": None,
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+}
+
+
+class Style(NamedTuple):
+    """How the lines of one run are drawn.
+
+    Attributes:
+        colour: of its lines.
+        dashes: line style of Matplotlib.
+    """
+
+    colour: str
+    dashes: Any
+
+
+_OWN = {
+    "fxtppc": Style("#0072B2", "-"),
+    "ppc": Style("#D55E00", (0, (5, 1.2))),
+    "smc": Style("#009E73", (0, (5, 1.2, 1.2, 1.2))),
+}
+_OTHERS = (
+    Style("#CC79A7", (0, (2, 1))),
+    Style("#E69F00", (0, (8, 1.5))),
+    Style("#56B4E9", (0, (3, 1, 1, 1, 1, 1))),
+    Style("#000000", (0, (1, 1))),
+)
+
+
+def styles(labels: Iterable[str]) -> dict[str, Style]:
+    """A style for each label: the paper's controllers have their own, always the same.
+
+    Args:
+        labels: names of the runs; the others take the remaining styles in their order.
+    """
+    chosen: dict[str, Style] = {}
+    others = 0
+    for label in labels:
+        own = _OWN.get(label.strip().lower())
+        if own is None:
+            own = _OTHERS[others % len(_OTHERS)]
+            others += 1
+        chosen[label] = own
+    return chosen
+
+
+def look() -> AbstractContextManager[None]:
+    """The drawing defaults of this package, in force within a `with` block only."""
+    return matplotlib.rc_context(_RC)
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure that needs no display and belongs to no global state.
+
+    Args:
+        width: of the figure [in].
+        height: of the figure [in].
+    """
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def flat(axes: Any, number: int, owner: str) -> list[Axes]:
+    """The axes in reading order.
+
+    Raises:
+        ValueError: their number is wrong.
+    """
+    found = list(np.ravel(np.asarray(axes, dtype=object)))
+    if len(found) != number:
+        raise ValueError(
+            f"{owner} needs {number} axes; received {len(found)}. Make them with "
+            "figure.subplots."
+        )
+    return found
+
+
+def label_time(axes: Sequence[Axes], end: float) -> None:
+    """One time scale for all; named on the lowest row."""
+    for axis in axes:
+        place = axis.get_subplotspec()
+        if place is None or place.is_last_row():
+            axis.set_xlabel(TIME_LABEL)
+        if end > 0.0:
+            axis.set_xlim(0.0, end)
+
+
+def legend_above(
+    axis: Axes, handles: Sequence[Any], beside: Sequence[Axes] = ()
+) -> None:
+    """A legend outside the frame, above it, in as many columns as there is room for.
+
+    Args:
+        axis: the legend ends at its right edge and may spread to the left of it.
+        handles: with labels, in reading order.
+        beside: other axes of the row; the legend rises above the notes on these too.
+    """
+    size = FontProperties(size=matplotlib.rcParams["legend.fontsize"])
+    columns = _columns_that_fit(axis, [h.get_label() for h in handles], size)
+    noted = any(a.get_title(loc="right") for a in (axis, *beside))
+    figure: Any = axis.figure
+    place: dict[str, Any] = {
+        "loc": "lower right",
+        "bbox_to_anchor": (1.0, 1.0),
+        "bbox_transform": offset_copy(
+            axis.transAxes, figure, 0.0, 17.0 if noted else 5.0, units="points"
+        ),
+    }
+    axis.legend(
+        handles=[h for start in range(columns) for h in handles[start::columns]],
+        ncols=columns,
+        prop=size,
+        frameon=False,
+        borderpad=0.0,
+        borderaxespad=0.0,
+        handlelength=_HANDLE,
+        handletextpad=_PAD,
+        columnspacing=_SPACING,
+        **place,
+    )
+
+
+def _columns_that_fit(axis: Axes, labels: list[str], size: FontProperties) -> int:
+    """The legend columns that fill the fewest rows without widening the figure."""
+    figure, place = axis.figure, axis.get_subplotspec()
+    beside = 1 if place is None else place.get_gridspec().ncols
+    room = 0.95 * figure.bbox.width / figure.dpi * 72.0 / beside
+    em = size.get_size_in_points()
+    widths = [
+        text_to_path.get_text_width_height_descent(label, size, ismath=False)[0]
+        for label in labels
+    ]
+    number = len(labels)
+    for columns in (-(-number // rows) for rows in range(1, number)):
+        text = sum(max(widths[start::columns]) for start in range(columns))
+        gaps = columns * (_HANDLE + _PAD) + (columns - 1) * _SPACING
+        if text + gaps * em <= room:
+            return columns
+    return 1
+
+
+def off_scale(axis: Axes, low: float, high: float, what: str) -> None:
+    """Show a part of the range only, and say above the frame what is not shown.
+
+    Args:
+        axis: its vertical range is set.
+        low: end of the range.
+        high: other end.
+        what: is cut off.
+    """
+    axis.set_ylim(low, high)
+    axis.set_title(what, loc="right", pad=3.0)
+
+
+def in_words(number: float) -> str:
+    """A number of two or three digits for a note in a figure."""
+    digits = 3 if abs(number) >= 100.0 else 2
+    return f"{float(f'{number:.{digits}g}'):g}".replace("-", "−")
+
+
+def distinct_styles(number: int) -> list[Style]:
+    """Styles for lines that are no runs, told apart from each other."""
+    every = (*_OWN.values(), *_OTHERS)
+    return [every[k % len(every)] for k in range(number)]
