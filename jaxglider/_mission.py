@@ -1,0 +1,217 @@
+"""Tables of a mission file turned into vehicle, sea, task and clock.
+
+Each function reads one table, refuses what it does not know, and names the key in every
+complaint.
+"""
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxglider import paper
+from jaxglider._toml import ConfigError, Table, choice, number, refuse_unknown
+from jaxglider.disturbances import (
+    AbstractDisturbance,
+    Calm,
+    Constant,
+    GaussMarkov,
+    Sinusoid,
+    Sum,
+)
+from jaxglider.references import (
+    AbstractReference,
+    AttitudeSchedule,
+    LineOfSight,
+    Schedule,
+    WaypointPath,
+)
+from jaxglider.scenario import Clock
+from jaxglider.signals import BodyAxes, Command, GliderState
+from jaxglider.vehicle.actuators import Actuator
+from jaxglider.vehicle.parameters import GliderParameters, VehicleData, load_vehicle
+
+_UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
+
+
+def _built(make: Any, path: str, *args: Any, **kwargs: Any) -> Any:
+    try:
+        return make(*args, **kwargs)
+    except ConfigError:
+        raise
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{path}: {error}") from error
+
+
+def read_vehicle(table: Table, folder: Path) -> VehicleData:
+    """Parameters and actuator limits, with overrides applied."""
+    source = table.text("data", "seawing")
+    if source.endswith(".toml") and not Path(source).is_absolute():
+        source = str(folder / source)
+    try:
+        vehicle = load_vehicle(source)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"vehicle.data: {error}") from error
+    overrides = table.table("parameters").rest()
+    names = [f.name for f in dataclasses.fields(GliderParameters)]
+    refuse_unknown(
+        [k for k in overrides if k not in names], names, "vehicle.parameters"
+    )
+    values = {k: number(v, f"vehicle.parameters.{k}") for k, v in overrides.items()}
+    parameters = _built(
+        dataclasses.replace, "vehicle.parameters", vehicle.parameters, **values
+    )
+    return dataclasses.replace(vehicle, parameters=parameters)
+
+
+def read_clock(table: Table) -> Clock:
+    """Tick and horizon."""
+    duration, dt = table.number("duration_s", 800.0), table.number("dt_s", 0.05)
+    substeps = table.whole("substeps", 1)
+    table.close()
+    return _built(Clock.lasting, "clock", duration, dt, substeps)
+
+
+def read_actuators(table: Table, limits: Command[Any]) -> Command[Actuator]:
+    """The three actuators; the limits of the vehicle by default."""
+    made = {}
+    for name, unit in _UNITS.items():
+        one = table.table(name)
+        rate = one.get(f"rate_limit_{unit}_s", None)
+        lag = one.get("time_constant_s", None)
+        made[name] = _built(
+            Actuator,
+            one.where("")[:-1],
+            one.number(f"limit_{unit}", float(getattr(limits, name))),
+            None if rate is None else one.number(f"rate_limit_{unit}_s"),
+            None if lag is None else one.number("time_constant_s"),
+        )
+        one.close()
+    table.close()
+    return Command(**made)
+
+
+def read_initial_state(table: Table) -> GliderState:
+    """Where the glider starts; angles in degrees in the file."""
+    units = {
+        **dict.fromkeys(("north", "east", "depth"), ("m", 1.0)),
+        **dict.fromkeys(("roll", "pitch", "heading"), ("deg", math.pi / 180)),
+        **dict.fromkeys(("surge", "sway", "heave"), ("m_s", 1.0)),
+        **dict.fromkeys(
+            ("roll_rate", "pitch_rate", "yaw_rate"), ("deg_s", math.pi / 180)
+        ),
+    }
+    values = {
+        name: scale * table.number(f"{name}_{unit}", 0.0)
+        for name, (unit, scale) in units.items()
+    }
+    table.close()
+    if abs(values["pitch"]) >= math.pi / 2:
+        raise ConfigError("initial_state.pitch_deg must be between -90 and 90.")
+    return GliderState(**values)
+
+
+def read_disturbance(tables: list[Table]) -> AbstractDisturbance:
+    """The sum of the disturbances listed."""
+    kinds = {
+        "calm": lambda t: Calm(),
+        "constant": lambda t: Constant(_axes(t, "force_N", "moment_N_m")),
+        "sinusoid": _sinusoid,
+        "coloured-noise": _coloured_noise,
+        "paper": lambda t: paper.disturbance(),
+    }
+    terms = []
+    for table in tables:
+        make = choice(table.get("type"), kinds, table.where("type"))
+        terms.append(_built(make, table.where("")[:-1], table))
+        table.close()
+    return Sum(tuple(terms))
+
+
+def _axes(table: Table, force: str, moment: str) -> BodyAxes[Any]:
+    zero = [0.0] * 3
+    return BodyAxes(*table.numbers(force, zero, 3), *table.numbers(moment, zero, 3))
+
+
+def _sinusoid(table: Table) -> Sinusoid:
+    periods = table.numbers("period_s", length=6)
+    if min(periods) <= 0.0:
+        raise ConfigError(f"{table.where('period_s')} must be positive.")
+    phases = table.numbers("phase_deg", 0.0, 6)
+    return Sinusoid(
+        _axes(table, "amplitude_N", "amplitude_N_m"),
+        BodyAxes(*(2 * math.pi / p for p in periods)),
+        BodyAxes(*(math.radians(p) for p in phases)),
+    )
+
+
+def _coloured_noise(table: Table) -> GaussMarkov:
+    return GaussMarkov(
+        _axes(table, "standard_deviation_N", "standard_deviation_N_m"),
+        BodyAxes(*table.numbers("correlation_time_s", length=6)),
+    )
+
+
+def read_reference(table: Table) -> AbstractReference:
+    """The task: a schedule or a waypoint path."""
+    kind = table.text("type", "schedule")
+    choice(kind, {"schedule": 0, "waypoints": 0}, table.where("type"))
+    schedule = _schedule(table.table("schedule"), kind)
+    if kind == "schedule":
+        table.close()
+        return AttitudeSchedule(schedule)
+    path = table.table("waypoints")
+    made = _built(
+        WaypointPath,
+        "reference.waypoints",
+        path.numbers("north_m"),
+        path.numbers("east_m"),
+        _built(
+            LineOfSight,
+            "reference.waypoints",
+            path.number("lookahead_m", 2.5),
+            path.number("integral_gain", 0.01),
+        ),
+        schedule,
+        path.number("radius_m", 5.0),
+        path.number("start_north_m", 0.0),
+        path.number("start_east_m", 0.0),
+    )
+    path.close()
+    table.close()
+    return made
+
+
+def _schedule(table: Table, kind: str) -> Schedule:
+    default = (
+        paper.attitude_schedule() if kind == "schedule" else paper.vertical_schedule()
+    )
+    start = table.numbers("start_s", np.asarray(default.start).tolist())
+    count = len(start)
+    own = not np.array_equal(start, np.asarray(default.start))
+
+    def column(key: str, fallback: Any, scale: float = 1.0) -> list[float]:
+        if own:
+            values = table.numbers(key, length=count)
+        else:
+            values = table.numbers(key, (np.asarray(fallback) / scale).tolist(), count)
+        return [scale * v for v in values]
+
+    degrees = math.pi / 180
+    no_heading = kind == "waypoints" and table.get("heading_deg", None) is None
+    heading = (
+        [0.0] * count if no_heading else column("heading_deg", default.heading, degrees)
+    )
+    made = _built(
+        Schedule,
+        "reference.schedule",
+        start,
+        column("gliding_angle_deg", default.gliding_angle, degrees),
+        heading,
+        column("depth_rate_m_s", default.depth_rate),
+        table.number("initial_depth_m", 0.0),
+    )
+    table.close()
+    return made

@@ -1,0 +1,156 @@
+"""Reading TOML so that a user can act on every complaint.
+
+Each message names the key by its full path, the rule, and what was received.
+"""
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Any
+
+_REQUIRED = object()
+
+
+class ConfigError(ValueError):
+    """A file says something that cannot be used; the message names the key."""
+
+
+def number(given: Any, where: str) -> float:
+    """A TOML number as a float.
+
+    Raises:
+        ConfigError: it is no number, or not finite.
+    """
+    if isinstance(given, bool) or not isinstance(given, int | float):
+        raise ConfigError(f"{where} must be a number; received {given!r}.")
+    if given != given or given in (float("inf"), float("-inf")):
+        raise ConfigError(f"{where} must be finite; received {given!r}.")
+    return float(given)
+
+
+def whole_number(given: Any, where: str) -> int:
+    """A TOML integer.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    if isinstance(given, bool) or not isinstance(given, int):
+        raise ConfigError(f"{where} must be a whole number; received {given!r}.")
+    return given
+
+
+def choice(given: Any, allowed: dict[str, Any], where: str) -> Any:
+    """What a name stands for.
+
+    Raises:
+        ConfigError: the name is not among those allowed.
+    """
+    if not isinstance(given, str) or given not in allowed:
+        raise ConfigError(
+            f"{where} must be one of {', '.join(allowed)}; received {given!r}."
+        )
+    return allowed[given]
+
+
+def refuse_unknown(rest: Any, allowed: list[str], path: str) -> None:
+    """Refuse keys that nobody has read.
+
+    Raises:
+        ConfigError: names the first such key, and the nearest one allowed.
+    """
+    for key in rest:
+        near = difflib.get_close_matches(key, allowed, 1)
+        hint = (
+            f"did you mean {near[0]}?" if near else f"choose from {', '.join(allowed)}."
+        )
+        raise ConfigError(f"unknown key {path}.{key}; {hint}".replace(" .", " "))
+
+
+class Table:
+    """A TOML table that knows its path and which of its keys have been read."""
+
+    def __init__(self, data: Any, path: str) -> None:
+        if not isinstance(data, dict):
+            raise ConfigError(f"{path} must be a table; received {data!r}.")
+        self._data, self._path, self._read = data, path, set[str]()
+
+    def where(self, key: str) -> str:
+        """The full path of a key."""
+        return f"{self._path}.{key}" if self._path else key
+
+    def get(self, key: str, default: Any = _REQUIRED) -> Any:
+        """The raw value of a key."""
+        self._read.add(key)
+        if key in self._data:
+            return self._data[key]
+        if default is _REQUIRED:
+            raise ConfigError(f"{self.where(key)} is missing.")
+        return default
+
+    def number(self, key: str, default: Any = _REQUIRED) -> float:
+        """A number."""
+        return number(self.get(key, default), self.where(key))
+
+    def whole(self, key: str, default: Any = _REQUIRED) -> int:
+        """A whole number."""
+        return whole_number(self.get(key, default), self.where(key))
+
+    def text(self, key: str, default: Any = _REQUIRED) -> str:
+        """A string."""
+        value = self.get(key, default)
+        if not isinstance(value, str):
+            raise ConfigError(f"{self.where(key)} must be text; received {value!r}.")
+        return value
+
+    def numbers(
+        self, key: str, default: Any = _REQUIRED, length: int = 0
+    ) -> list[float]:
+        """A list of numbers; one number stands for `length` equal ones, if given."""
+        value = self.get(key, default)
+        if not isinstance(value, list):
+            value = [value] * (length or 1)
+        if length and len(value) != length:
+            raise ConfigError(
+                f"{self.where(key)} must have {length} numbers; received {len(value)}."
+            )
+        return [number(v, f"{self.where(key)}[{i}]") for i, v in enumerate(value)]
+
+    def table(self, key: str) -> "Table":
+        """A table, empty if it is not there."""
+        return Table(self.get(key, {}), self.where(key))
+
+    def tables(self, key: str) -> list["Table"]:
+        """An array of tables, empty if it is not there."""
+        value = self.get(key, [])
+        if not isinstance(value, list):
+            raise ConfigError(
+                f"{self.where(key)} must be an array of tables, [[{self.where(key)}]]."
+            )
+        return [Table(v, f"{self.where(key)}[{i}]") for i, v in enumerate(value)]
+
+    def rest(self) -> dict[str, Any]:
+        """What has not been read yet, now taken as read."""
+        left = {k: v for k, v in self._data.items() if k not in self._read}
+        self._read.update(left)
+        return left
+
+    def close(self) -> None:
+        """Refuse keys that were not read."""
+        left = [k for k in self._data if k not in self._read]
+        refuse_unknown(left, sorted(self._read - set(left)), self._path)
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Parse a TOML file.
+
+    Raises:
+        ConfigError: it is missing, cannot be read, or is not TOML (with the line).
+    """
+    try:
+        return tomllib.loads(Path(path).read_text())
+    except FileNotFoundError as error:
+        raise ConfigError(f"{path}: no such file.") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}.") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}.") from error
