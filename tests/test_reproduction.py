@@ -1,0 +1,120 @@
+"""The paper's study comes out as an independent prototype of the same equations had it.
+
+The figures are that prototype's: float64, 20 Hz, design model at 0.8 of the truth.
+"""
+
+import jax
+import numpy as np
+import pytest
+
+from jaxglider import paper
+
+CHANNELS = ("depth", "pitch", "heading")
+FIGURES = {
+    # scenario, controller: L2[e], L2[U], chattering, end [s]
+    ("switching", "fxtppc"): (
+        (0.1094, 0.0675, 0.2111),
+        (0.0457, 0.0191, 0.0528),
+        (0.0010, 0.0001, 0.0036),
+        800.0,
+    ),
+    ("switching", "ppc"): (
+        (0.0145, 0.0745, 0.1396),
+        (0.0454, 0.0194, 0.2441),
+        (0.0027, 0.0017, 0.3468),
+        800.0,
+    ),
+    ("switching", "smc"): (
+        (0.0161, 0.0664, 0.1113),
+        (0.0471, 0.0190, 0.1800),
+        (0.0014, 0.0012, 0.1087),
+        800.0,
+    ),
+    ("waypoints", "fxtppc"): (
+        (0.1275, 0.0926, 0.0741),
+        (0.0458, 0.0189, 0.0634),
+        (0.0010, 0.0003, 0.0043),
+        868.0,
+    ),
+    ("waypoints", "ppc"): ((0.0146, 0.0824, 0.0579), None, None, 867.0),
+    ("waypoints", "smc"): ((0.0154, 0.0649, 0.0535), None, None, 864.0),
+}
+
+
+def _metrics(run, **options):
+    loop = paper.make_loop(**options)
+    return run(loop, loop.scenario.sea(jax.random.key(0)))
+
+
+def _column(metrics, name):
+    return [float(getattr(getattr(metrics.channels, c), name)) for c in CHANNELS]
+
+
+@pytest.mark.parametrize(("scenario", "controller"), FIGURES)
+def test_printed_plant_gives_the_reference_figures(evaluate_jit, scenario, controller):
+    errors, efforts, chattering, end = FIGURES[scenario, controller]
+    m = _metrics(evaluate_jit, scenario=scenario, controller=controller)
+    tolerance = 0.02 if controller == "fxtppc" else 0.10
+    rounding = 0.5e-4
+    np.testing.assert_allclose(
+        _column(m, "rms_error"), errors, rtol=tolerance, atol=rounding
+    )
+    if efforts is not None:
+        np.testing.assert_allclose(
+            _column(m, "rms_effort"), efforts, rtol=tolerance, atol=rounding
+        )
+        np.testing.assert_allclose(
+            _column(m, "chattering"), chattering, rtol=tolerance, atol=rounding
+        )
+    assert float(m.end_time) == pytest.approx(end, abs=1.0)
+    assert bool(m.finite)
+    if scenario == "waypoints":
+        assert int(m.waypoints_reached) == 5
+
+
+def test_time_outside_the_funnel_is_the_reference_one(evaluate_jit):
+    m = _metrics(evaluate_jit, scenario="switching", controller="fxtppc")
+    assert _column(m, "time_outside_funnel") == [0.0, 0.0, 0.0]
+    m = _metrics(evaluate_jit, scenario="switching", controller="ppc")
+    np.testing.assert_allclose(
+        _column(m, "time_outside_funnel"), [0.0, 0.0003, 0.0122], atol=1e-4
+    )
+    m = _metrics(evaluate_jit, scenario="waypoints", controller="fxtppc")
+    np.testing.assert_allclose(
+        _column(m, "time_outside_funnel"), [0.0, 0.085, 0.0], atol=1e-3
+    )
+
+
+@pytest.mark.parametrize("scenario", ["switching", "waypoints"])
+def test_on_rigid_body_only_the_proposed_law_stays_upright(evaluate_jit, scenario):
+    rolls = {}
+    for controller in paper.CONTROLLERS:
+        m = _metrics(
+            evaluate_jit, scenario=scenario, plant="rigid-body", controller=controller
+        )
+        assert bool(m.finite)
+        rolls[controller] = float(m.max_roll)
+    assert rolls["fxtppc"] < 2.0
+    assert rolls["smc"] > 4 * np.pi
+    assert rolls["ppc"] > 4 * np.pi
+
+
+@pytest.mark.parametrize("plant", list(paper.PLANTS))
+def test_the_proposed_law_holds_at_10_and_100_hertz(evaluate_jit, plant):
+    reference = _column(_metrics(evaluate_jit, plant=plant), "rms_error")
+    for dt in (0.1, 0.01):
+        m = _metrics(evaluate_jit, plant=plant, dt=dt)
+        assert bool(m.finite)
+        np.testing.assert_allclose(_column(m, "rms_error"), reference, rtol=0.15)
+
+
+def test_single_precision_agrees_with_double(evaluate_jit):
+    loop = paper.make_loop()
+    sea = loop.scenario.sea(jax.random.key(0))
+    single = jax.tree.map(
+        lambda x: x.astype("float32") if x.dtype == "float64" else x, (loop, sea)
+    )
+    double = _column(evaluate_jit(loop, sea), "rms_error")
+    np.testing.assert_allclose(
+        _column(evaluate_jit(*single), "rms_error"), double, rtol=2e-3
+    )
