@@ -55,10 +55,26 @@ def enable_fast_loops() -> bool:
             stacklevel=2,
         )
         return False
-    given = os.environ.get("XLA_FLAGS", "")
-    missing = [flag for flag in FAST_LOOP_FLAGS if flag.split("=")[0] not in given]
-    os.environ["XLA_FLAGS"] = " ".join([given, *missing]).strip()
+    os.environ["XLA_FLAGS"] = _merged(os.environ.get("XLA_FLAGS", ""))
     return True
+
+
+def _merged(given: str) -> str:
+    """A user's flags with ours added; where both set one option, theirs is kept."""
+    flags = given.split()
+    names = [flag.split("=", 1)[0] for flag in flags]
+    for flag in FAST_LOOP_FLAGS:
+        name, values = flag.split("=", 1)
+        if name not in names:
+            flags.append(flag)
+            continue
+        at = names.index(name)
+        theirs = flags[at].split("=", 1)[-1].split(",")
+        set_by_them = {value.split("=")[0] for value in theirs}
+        if "=" in values:
+            ours = [v for v in values.split(",") if v.split("=")[0] not in set_by_them]
+            flags[at] = ",".join([flags[at], *ours])
+    return " ".join(flags)
 
 
 def cache_folder() -> Path:

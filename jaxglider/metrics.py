@@ -18,7 +18,10 @@ from jaxglider.signals import Channels, Command, GliderState, each
 
 
 class ChannelSums(eqx.Module):
-    """Running sums of one channel; `outside` and `saturated` count ticks."""
+    """Running sums of one channel; `outside` and `saturated` count ticks.
+
+    `crowding` and `excess` are smooth stand-ins for these two, for gradients.
+    """
 
     error_squared: Scalar
     effort_squared: Scalar
@@ -27,6 +30,8 @@ class ChannelSums(eqx.Module):
     max_error_settled: Scalar
     outside: Scalar
     saturated: Scalar
+    crowding: Scalar
+    excess: Scalar
 
 
 class Sums(eqx.Module):
@@ -49,6 +54,10 @@ class ChannelMetrics(eqx.Module):
         chattering: L2[ΔU], applied, per tick [kg, m or rad].
         time_outside_funnel: share of the active time.
         time_saturated: share of the active time with the actuator short of the command.
+        funnel_crowding: mean of max(x − 0.8, 0)², x the error over the edge it nears:
+            a smooth stand-in for the time outside.
+        saturation_excess: mean of d²/(u² + d²), u the applied command and d what is
+            wanted beyond it: a smooth stand-in for the time saturated.
     """
 
     max_error: Scalar
@@ -58,6 +67,8 @@ class ChannelMetrics(eqx.Module):
     chattering: Scalar
     time_outside_funnel: Scalar
     time_saturated: Scalar
+    funnel_crowding: Scalar
+    saturation_excess: Scalar
 
 
 class Metrics(eqx.Module):
@@ -85,7 +96,7 @@ class Metrics(eqx.Module):
 def empty_sums(like: Scalar) -> Sums:
     """Sums before the first tick, in the precision of `like`."""
     zero = jnp.zeros_like(like)
-    empty = ChannelSums(*(zero,) * 7)
+    empty = ChannelSums(*(zero,) * 9)
     return Sums(zero, Channels(empty, empty, empty), zero, zero)
 
 
@@ -132,6 +143,9 @@ def add_tick(
             jnp.maximum(s.max_error_settled, jnp.where(b.settled, size, 0.0)),
             s.outside + jnp.where(outside, 1.0, 0.0),
             s.saturated + jnp.where(w != u, 1.0, 0.0),
+            s.crowding
+            + jnp.maximum(jnp.maximum(e / lim.upper, e / lim.lower) - 0.8, 0) ** 2,
+            s.excess + (w - u) ** 2 / (u * u + (w - u) ** 2 + 1e-12),
         )
 
     channels = each(
@@ -172,6 +186,8 @@ def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Me
             jnp.sqrt(s.change_squared / n),
             s.outside / n,
             s.saturated / n,
+            s.crowding / n,
+            s.excess / n,
         )
 
     leaves = jax.tree.leaves((sums, state))

@@ -38,12 +38,13 @@ class Actuator(Container):
             wanted: command.
             dt: tick [s].
         """
-        change = saturate(wanted, self.limit) - held
+        target = saturate(wanted, self.limit)
         if self.time_constant is not None:
-            change = -jnp.expm1(-dt / self.time_constant) * change
+            target = held - jnp.expm1(-dt / self.time_constant) * (target - held)
         if self.rate_limit is not None:
-            change = saturate(change, self.rate_limit * dt)
-        return held + change
+            reach = self.rate_limit * dt
+            target = jnp.clip(target, held - reach, held + reach)
+        return target
 
 
 def follow_all(
