@@ -1,0 +1,1 @@
+"""Tuning of controller gains through the rollout, and the command line."""

@@ -1,0 +1,213 @@
+"""The commands that run closed loops and write what came of them."""
+
+import argparse
+import dataclasses
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxglider import paper
+from jaxglider.config import load_gains, load_mission, start_warnings
+from jaxglider.io import (
+    metrics_dict,
+    provenance,
+    replacing,
+    write_json,
+    write_text,
+    write_trajectories,
+)
+from jaxglider.plotting import save_all
+from jaxglider.rollout import ClosedLoop, Trajectory, simulate
+from jaxglider.vehicle.plant import SmallAnglePlant
+from tuning.progress import Progress, note
+from tuning.tables import markdown_tables, text_table
+
+OK, RUN_FAILED, INTERRUPTED = 0, 1, 130
+_LABELS = {"smc": "SMC", "ppc": "PPC", "fxtppc": "FxTPPC"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    """One run to make: where, by whom, and the closed loop."""
+
+    scenario: str
+    plant: str
+    controller: str
+    loop: ClosedLoop
+
+
+@dataclasses.dataclass(frozen=True)
+class Done:
+    """One run made, its trajectory on the host."""
+
+    entry: Entry
+    trajectory: Trajectory
+
+    def summary(self) -> dict[str, Any]:
+        """As it stands in metrics.json."""
+        return {
+            "scenario": self.entry.scenario,
+            "plant": self.entry.plant,
+            "controller": self.entry.controller,
+            **metrics_dict(
+                self.trajectory.metrics,
+                has_waypoints=self.entry.loop.scenario.reference.can_finish,
+            ),
+        }
+
+
+def compare(options: argparse.Namespace) -> int:
+    """`jaxglider compare`: the paper's cases under the same sea."""
+    check_writable(options.out)
+    scenarios = paper.SCENARIOS if options.scenario == "all" else (options.scenario,)
+    entries = [e for s in scenarios for e in _paper_entries(options, s)]
+    done, interrupted = run_all(entries, seed=0, quiet=False)
+    return _report(options, done, interrupted, seed=0)
+
+
+def _paper_entries(options: argparse.Namespace, scenario: str) -> Iterator[Entry]:
+    setting = paper.make_scenario(scenario, options.plant, dt=options.dt)
+    assert isinstance(setting.plant, SmallAnglePlant)
+    model = paper.design_model(setting.plant)
+    for name in dict.fromkeys(options.controllers):
+        loop = ClosedLoop(
+            setting,
+            paper.make_controller(name, scenario, model),
+            paper.make_observer(name, model),
+        )
+        yield Entry(scenario, options.plant, name, loop)
+    for path in options.gains:
+        kind, controller, observer = load_gains(path, scenario, model)
+        label = f"{kind} ({path.stem})"
+        yield Entry(
+            scenario, options.plant, label, ClosedLoop(setting, controller, observer)
+        )
+
+
+def simulate_mission(options: argparse.Namespace) -> int:
+    """`jaxglider simulate`: one mission from a file."""
+    mission = load_mission(options.config)
+    check_writable(options.out)
+    for warning in start_warnings(mission.loop):
+        note(f"warning: {warning}")
+    seed = mission.seed if options.seed is None else options.seed
+    entry = Entry(mission.name, "as configured", mission.controller, mission.loop)
+    done, interrupted = run_all([entry], seed=seed, quiet=False)
+    return _report(options, done, interrupted, seed)
+
+
+def run_all(entries: list[Entry], seed: int, quiet: bool) -> tuple[list[Done], bool]:
+    """Run the entries one after the other; an interruption keeps what is done.
+
+    Args:
+        entries: what to run.
+        seed: of the sea, the same for all.
+        quiet: no progress.
+
+    Returns:
+        The runs made, and whether they were interrupted.
+    """
+    run = jax.jit(simulate)
+    progress, done = Progress(), []
+    try:
+        for number, entry in enumerate(entries, 1):
+            if not quiet:
+                progress.show(
+                    f"{number}/{len(entries)} {entry.scenario}, {entry.controller}: "
+                    "compiling and running ..."
+                )
+            sea = entry.loop.scenario.sea(jax.random.key(seed))
+            done.append(Done(entry, jax.device_get(run(entry.loop, sea))))
+    except KeyboardInterrupt:
+        return done, True
+    finally:
+        progress.clear()
+    return done, False
+
+
+def _report(
+    options: argparse.Namespace, done: list[Done], interrupted: bool, seed: int
+) -> int:
+    """Print, write and draw what came of the runs."""
+    if interrupted:
+        note(f"interrupted; keeping {len(done)} finished runs.")
+    if not done:
+        return INTERRUPTED
+    about = provenance(
+        command=sys.argv[1:],
+        seed=seed,
+        precision=options.precision,
+        partial=interrupted,
+    )
+    summaries = [one.summary() for one in done]
+    result = {"runs": summaries, "provenance": about}
+    if options.json:
+        json.dump(result, sys.stdout, indent=2, allow_nan=False)
+        sys.stdout.write("\n")
+    else:
+        for key in dict.fromkeys((s["scenario"], s["plant"]) for s in summaries):
+            group = [s for s in summaries if (s["scenario"], s["plant"]) == key]
+            sys.stdout.write(text_table(group) + "\n\n")
+    sys.stdout.flush()
+    _write(options.out, done, result)
+    failed = [s for s in summaries if not s["finite"]]
+    for run in failed:
+        note(f"{run['scenario']}, {run['controller']}: the run became non-finite.")
+    if interrupted:
+        return INTERRUPTED
+    return RUN_FAILED if failed else OK
+
+
+def _write(out: Path, done: list[Done], result: dict[str, Any]) -> None:
+    progress = Progress()
+    progress.show(f"writing to {out} ...")
+    write_json(out / "metrics.json", result)
+    write_text(out / "tables.md", markdown_tables(result["runs"]))
+    runs = {
+        f"{d.entry.scenario}/{d.entry.plant}/{d.entry.controller}": d.trajectory
+        for d in done
+    }
+    write_trajectories(out / "trajectories.nc", runs, result["provenance"])
+    figures = 0
+    for scenario in dict.fromkeys(d.entry.scenario for d in done):
+        progress.show(f"drawing {scenario} ...")
+        group = [d for d in done if d.entry.scenario == scenario]
+        labelled = {_label(d.entry.controller): d.trajectory for d in group}
+        folder = out / "figures" / _file_name(scenario)
+        figures += len(save_all(folder, group[0].entry.loop.scenario, labelled))
+    progress.clear()
+    note(f"{out}: metrics.json, tables.md, trajectories.nc and {figures} figures.")
+
+
+def _label(controller: str) -> str:
+    kind, _, rest = controller.partition(" ")
+    return f"{_LABELS.get(kind, kind)} {rest}".strip()
+
+
+def _file_name(text: str) -> str:
+    kept = "".join(c if c.isalnum() or c in "-_." else "-" for c in text)
+    return kept.strip(".") or "run"
+
+
+def check_writable(folder: Path) -> None:
+    """Refuse a folder before the work, not after it.
+
+    Raises:
+        OSError: it cannot be made or written.
+    """
+    try:
+        with replacing(folder / ".probe") as temporary:
+            temporary.write_text("")
+        (folder / ".probe").unlink()
+    except OSError as error:
+        raise OSError(f"--out {folder} cannot be written: {error}.") from error
+
+
+def is_finite(value: Any) -> bool:
+    """Whether every number in an array is finite."""
+    return bool(np.all(np.isfinite(np.asarray(value))))
