@@ -33,6 +33,8 @@ from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.parameters import GliderParameters, VehicleData, load_vehicle
 
+_MAX_TICKS = 1e8
+"""More would not fit in memory."""
 _UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
 
 
@@ -71,6 +73,11 @@ def read_clock(table: Table) -> Clock:
     duration, dt = table.number("duration_s", 800.0), table.number("dt_s", 0.05)
     substeps = table.whole("substeps", 1)
     table.close()
+    if dt > 0.0 and duration / dt > _MAX_TICKS:
+        raise ConfigError(
+            f"clock.duration_s over clock.dt_s must be at most {_MAX_TICKS:g} ticks; "
+            f"received {duration / dt:g}. Shorten the run or lengthen the tick."
+        )
     return _built(Clock.lasting, "clock", duration, dt, substeps)
 
 
@@ -109,7 +116,10 @@ def read_initial_state(table: Table) -> GliderState:
     }
     table.close()
     if abs(values["pitch"]) >= math.pi / 2:
-        raise ConfigError("initial_state.pitch_deg must be between -90 and 90.")
+        raise ConfigError(
+            "initial_state.pitch_deg must be in (-90, 90); "
+            f"received {table.number('pitch_deg'):g}."
+        )
     return GliderState(**values)
 
 
@@ -138,7 +148,9 @@ def _axes(table: Table, force: str, moment: str) -> BodyAxes[Any]:
 def _sinusoid(table: Table) -> Sinusoid:
     periods = table.numbers("period_s", length=6)
     if min(periods) <= 0.0:
-        raise ConfigError(f"{table.where('period_s')} must be positive.")
+        raise ConfigError(
+            f"{table.where('period_s')} must be positive; received {min(periods):g}."
+        )
     phases = table.numbers("phase_deg", 0.0, 6)
     return Sinusoid(
         _axes(table, "amplitude_N", "amplitude_N_m"),
@@ -158,6 +170,11 @@ def read_reference(table: Table) -> AbstractReference:
     """The task: a schedule or a waypoint path."""
     kind = table.text("type", "schedule")
     choice(kind, {"schedule": 0, "waypoints": 0}, table.where("type"))
+    if kind == "schedule" and table.get("waypoints", None) is not None:
+        raise ConfigError(
+            'reference.waypoints needs reference.type = "waypoints"; received '
+            '"schedule". Change the type or remove the waypoints.'
+        )
     schedule = _schedule(table.table("schedule"), kind)
     if kind == "schedule":
         table.close()
@@ -190,6 +207,10 @@ def _schedule(table: Table, kind: str) -> Schedule:
     )
     start = table.numbers("start_s", np.asarray(default.start).tolist())
     count = len(start)
+    if count == 0:
+        raise ConfigError(
+            f"{table.where('start_s')} must have at least 1 number; received []."
+        )
     own = not np.array_equal(start, np.asarray(default.start))
 
     def column(key: str, fallback: Any, scale: float = 1.0) -> list[float]:

@@ -4,6 +4,7 @@ Each message names the key by its full path, the rule, and what was received.
 """
 
 import difflib
+import math
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,13 @@ def number(given: Any, where: str) -> float:
     """
     if isinstance(given, bool) or not isinstance(given, int | float):
         raise ConfigError(f"{where} must be a number; received {given!r}.")
-    if given != given or given in (float("inf"), float("-inf")):
+    try:
+        value = float(given)
+    except OverflowError:
+        value = math.inf
+    if not math.isfinite(value):
         raise ConfigError(f"{where} must be finite; received {given!r}.")
-    return float(given)
+    return value
 
 
 def whole_number(given: Any, where: str) -> int:
@@ -108,7 +113,7 @@ class Table:
         """A list of numbers; one number stands for `length` equal ones, if given."""
         value = self.get(key, default)
         if not isinstance(value, list):
-            value = [value] * (length or 1)
+            return [number(value, self.where(key))] * (length or 1)
         if length and len(value) != length:
             raise ConfigError(
                 f"{self.where(key)} must have {length} numbers; received {len(value)}."

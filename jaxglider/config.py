@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 
 from jaxglider import paper
 from jaxglider._mission import (
@@ -26,14 +27,19 @@ from jaxglider._toml import (
     choice,
     read_toml,
 )
+from jaxglider._types import Scalar
 from jaxglider.controllers import tracking_error
+from jaxglider.controllers.base import Limits
 from jaxglider.gains import decode
 from jaxglider.rollout import ClosedLoop
 from jaxglider.scenario import Scenario
-from jaxglider.signals import Measurement
+from jaxglider.signals import Channels, Measurement
 
 TEMPLATE = (resources.files("jaxglider") / "mission.toml").read_text
 """Call it for the text of a complete, commented mission file."""
+
+SEEDS = 2**32
+"""Seeds are below this: what a key of JAX takes in either precision."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,8 +73,8 @@ def load_mission(path: str | Path) -> Mission:
     except ConfigError as error:
         text = str(error)
         raise ConfigError(
-            text if text.startswith(str(path)) else f"{path}: {text}"
-        ) from (error)
+            text if text.startswith(f"{path}: ") else f"{path}: {text}"
+        ) from error
 
 
 def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
@@ -79,6 +85,8 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     """
     top = Table(data, "")
     name, seed = top.text("name", "mission"), top.whole("seed", 0)
+    if not 0 <= seed < SEEDS:
+        raise ConfigError(f"seed must be in [0, {SEEDS}); received {seed}.")
     vehicle_table = top.table("vehicle")
     vehicle = read_vehicle(vehicle_table, folder)
     make_plant = choice(
@@ -98,21 +106,33 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     if factor <= 0.0:
         raise ConfigError(f"vehicle.design_factor must be positive; received {factor}.")
     model = paper.design_model(plant, factor)
-    kind, controller = _controller(top.table("controller"), model, scenario, folder)
+    kind, controller, observer = _controller(
+        top.table("controller"), model, scenario, folder
+    )
     table = top.table("observer")
-    observer = decode_observer(table.rest(), kind, model)
+    observer = decode_observer(table.rest(), kind, model, observer)
     top.close()
     return Mission(name, ClosedLoop(scenario, controller, observer), seed, kind)
 
 
-def decode_observer(table: dict[str, Any], controller: str, model: Any) -> Any:
-    """The observer a table asks for; the paper's for its controller by default."""
-    default = "none" if controller == "smc" else "fixed-time"
-    kind = choice(
-        table.get("type", default), {"none": 0, "fixed-time": 1}, "observer.type"
-    )
-    template = paper.make_observer("fxtppc" if kind else "smc", model)
-    return decode(template, table, "observer")
+def decode_observer(table: Any, controller: str, model: Any, given: Any = None) -> Any:
+    """The observer a table asks for.
+
+    Args:
+        table: what the file says of it.
+        controller: kind of the controller.
+        model: design model.
+        given: what the table overrides; the paper's for its controller by default.
+    """
+    if given is None:
+        given = paper.make_observer(controller, model)
+    if isinstance(table, dict) and "type" in table:
+        allowed = {"none": "smc", "fixed-time": "fxtppc"}
+        wanted = paper.make_observer(
+            choice(table["type"], allowed, "observer.type"), model
+        )
+        given = given if type(given) is type(wanted) else wanted
+    return decode(given, table, "observer")
 
 
 def load_gains(path: str | Path, scenario: str, model: Any) -> tuple[str, Any, Any]:
@@ -136,8 +156,8 @@ def load_gains(path: str | Path, scenario: str, model: Any) -> tuple[str, Any, A
             paper.make_controller(kind, scenario, model), table, "controller"
         )
         observer = decode_observer(top.get("observer", {}), kind, model)
-        for key in ("provenance", "format"):
-            top.get(key, None)
+        top.get("provenance", None)
+        choice(str(top.get("format", 1)), {"1": 1}, "format")
         top.close()
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
@@ -146,19 +166,7 @@ def load_gains(path: str | Path, scenario: str, model: Any) -> tuple[str, Any, A
 
 def start_warnings(loop: ClosedLoop) -> list[str]:
     """What is odd about the start: channels whose error begins outside the funnel."""
-    scenario = loop.scenario
-    state = scenario.initial_state
-    planned = scenario.reference.plan(scenario.clock.times()[:1])
-    carry = loop.init()
-    measurement = Measurement(
-        state, state.attitude(), carry.held, loop.observer.estimate(carry.observer)
-    )
-    first = jax.tree.map(lambda x: x[0], planned)
-    reference, _ = scenario.reference.step(
-        carry.reference, first, measurement, scenario.clock.dt
-    )
-    error, _ = tracking_error(measurement, reference)
-    limits = loop.controller.limits(loop.controller.bounds(reference.clock))
+    error, limits = jax.jit(_start)(loop)
     found = []
     for channel in ("depth", "pitch", "heading"):
         e, edge = getattr(error, channel), getattr(limits, channel)
@@ -171,20 +179,40 @@ def start_warnings(loop: ClosedLoop) -> list[str]:
     return found
 
 
+def _start(loop: ClosedLoop) -> tuple[Channels[Scalar], Channels[Limits]]:
+    """Error and edges of the funnel in the first tick."""
+    scenario = loop.scenario
+    state = scenario.initial_state
+    planned = scenario.reference.plan(jnp.zeros_like(scenario.clock.dt)[None])
+    carry = loop.init()
+    measurement = Measurement(
+        state, state.attitude(), carry.held, loop.observer.estimate(carry.observer)
+    )
+    first = jax.tree.map(lambda x: x[0], planned)
+    reference, _ = scenario.reference.step(
+        carry.reference, first, measurement, scenario.clock.dt
+    )
+    error, _ = tracking_error(measurement, reference)
+    return error, loop.controller.limits(loop.controller.bounds(reference.clock))
+
+
 def _controller(
     table: Table, model: Any, scenario: Scenario, folder: Path
-) -> tuple[str, Any]:
+) -> tuple[str, Any, Any]:
+    """Kind, controller, and the observer of its gains file, if there is one."""
     case = "waypoints" if scenario.reference.can_finish else "switching"
     source = table.get("gains_file", None)
+    observer = None
     if source is not None:
         file = folder / table.text("gains_file")
-        kind, controller, _ = load_gains(file, case, model)
+        kind, controller, observer = load_gains(file, case, model)
         if table.text("type", kind) != kind:
             raise ConfigError(
-                f"controller.type is {table.text('type')!r}, but {file} holds {kind!r}."
+                f"controller.type must be {kind!r}, the kind that {file} holds; "
+                f"received {table.text('type')!r}. Change one of the two."
             )
     else:
         kind = table.text("type", "fxtppc")
         choice(kind, dict.fromkeys(paper.CONTROLLERS), "controller.type")
         controller = paper.make_controller(kind, case, model)
-    return kind, decode(controller, table.rest(), "controller")
+    return kind, decode(controller, table.rest(), "controller"), observer

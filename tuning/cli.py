@@ -6,8 +6,10 @@ violated, 130 interrupted.
 """
 
 import argparse
+import math
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,15 @@ def main(arguments: list[str] | None = None) -> int:
     except FloatingPointError as error:
         _complain(str(error))
         return RUN_FAILED
+    except RuntimeError as error:
+        # JAX's own error for this cannot be named without importing JAX.
+        if options.debug or "RESOURCE_EXHAUSTED" not in str(error):
+            raise
+        _complain(
+            "out of memory: shorten the run or lengthen the tick "
+            f"({str(error).splitlines()[0]})"
+        )
+        return RUN_FAILED
     except (OSError, ValueError) as error:
         if options.debug:
             raise
@@ -62,10 +73,40 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     _add_compare(commands)
     _add_tune(commands)
+    _add_check(commands)
     _add_simulate(commands)
     _add_init(commands)
     _add_validate(commands)
+    for command in commands.choices.values():
+        command.add_argument(
+            "--debug",
+            action="store_true",
+            default=argparse.SUPPRESS,
+            help=argparse.SUPPRESS,
+        )
     return parser
+
+
+def _positive(text: str) -> float:
+    return _checked(text, float, lambda x: 0.0 < x < math.inf, "a positive number")
+
+
+def _count(text: str) -> int:
+    return _checked(text, int, lambda n: n >= 1, "a whole number of at least 1")
+
+
+def _seed(text: str) -> int:
+    return _checked(text, int, lambda n: 0 <= n < 2**32, "a whole number in [0, 2^32)")
+
+
+def _checked(text: str, kind: Any, holds: Callable[[Any], bool], rule: str) -> Any:
+    try:
+        value = kind(text)
+    except ValueError:
+        value = None
+    if value is None or not holds(value):
+        raise argparse.ArgumentTypeError(f"must be {rule}; received {text!r}.")
+    return value
 
 
 def _version() -> str:
@@ -80,7 +121,9 @@ def _add_compare(commands: Any) -> None:
     parser.add_argument(
         "--scenario", choices=(*SCENARIOS, "all"), default="all", help="default: all"
     )
-    parser.add_argument("--plant", choices=PLANTS, default="printed")
+    parser.add_argument(
+        "--plant", choices=PLANTS, default="printed", help="default: printed"
+    )
     parser.add_argument(
         "--controllers",
         nargs="+",
@@ -102,10 +145,76 @@ def _add_compare(commands: Any) -> None:
 
 
 def _add_tune(commands: Any) -> None:
-    text = "tune k1 and k2 of FxTPPC by gradient descent through the rollout"
+    text = "tune gains by gradient descent through the rollout"
     parser = commands.add_parser("tune", help=text, description=text + ".")
-    parser.add_argument("--scenario", choices=SCENARIOS, default="switching")
-    parser.add_argument("--plant", choices=PLANTS, default="printed")
+    _add_task(parser)
+    _add_ensemble(parser)
+    descent = parser.add_argument_group("descent")
+    descent.add_argument(
+        "--method",
+        choices=("gradient", "cma", "random"),
+        default="gradient",
+        help="cma and random are black-box searches on the same budget, a gradient "
+        "counted as five rollouts; default: gradient",
+    )
+    descent.add_argument(
+        "--steps", type=_count, default=80, metavar="N", help="default: 80"
+    )
+    descent.add_argument(
+        "--learning-rate",
+        type=_positive,
+        default=0.1,
+        metavar="R",
+        help="in the logarithm of a gain; default: 0.1",
+    )
+    descent.add_argument(
+        "--optimizer", default="adam", metavar="NAME", help="of optax; default: adam"
+    )
+    descent.add_argument(
+        "--patience",
+        type=_count,
+        default=40,
+        metavar="N",
+        help="stop after so many steps without progress; default: 40",
+    )
+    descent.add_argument(
+        "--seed",
+        type=_seed,
+        default=0,
+        metavar="N",
+        help="of members and copies; default: 0",
+    )
+    descent.add_argument(
+        "--resume", action="store_true", help="go on from the checkpoint in --out"
+    )
+    _add_common(parser, "results/tune")
+
+
+def _add_check(commands: Any) -> None:
+    text = "say how far the gradient of each gain can be trusted"
+    parser = commands.add_parser("check-gradients", help=text, description=text + ".")
+    _add_task(parser)
+    parser.add_argument(
+        "--short",
+        action="store_true",
+        help="differences only; no comparison of horizons and smoothing widths",
+    )
+    _add_output(parser)
+    nominal = {"members": 1, "validation": 1, "test": 1}
+    still = {"uncertainty": 0.0, "amplitude": 0.0, "position": 0.0}
+    parser.set_defaults(**nominal, **still, aggregate=None, objective=None, seed=0)
+
+
+def _add_task(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--scenario", choices=SCENARIOS, default="switching", help="default: switching"
+    )
+    parser.add_argument(
+        "--plant", choices=PLANTS, default="rigid-body", help="default: rigid-body"
+    )
+    parser.add_argument(
+        "--controller", choices=CONTROLLERS, help="default: fxtppc, or what --gains has"
+    )
     parser.add_argument(
         "--gains",
         type=Path,
@@ -113,32 +222,98 @@ def _add_tune(commands: Any) -> None:
         help="start here, not at the paper's gains",
     )
     parser.add_argument(
-        "--steps", type=int, default=80, metavar="N", help="default: 80"
+        "--free",
+        nargs="+",
+        default=[],
+        metavar="PATH",
+        help="what to tune: dotted paths, `*` for any component, as "
+        "controller.gains.*.k1 controller.damping observer.integral; "
+        "default: k1 and k2 of fxtppc, all gains of the others",
     )
     parser.add_argument(
-        "--learning-rate",
-        type=float,
-        default=0.1,
-        metavar="R",
-        help="of Adam, in the logarithm of a gain; default: 0.1",
+        "--unconstrained",
+        action="store_true",
+        help="do not hold k1 < 3/4 k2^2 (each gain's own range is always held)",
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N")
     parser.add_argument(
         "--duration",
-        type=float,
+        type=_positive,
         metavar="S",
         help="horizon [s]; default: the case's own",
     )
     _add_dt(parser)
-    _add_common(parser, "results/tune")
+
+
+def _add_ensemble(parser: argparse.ArgumentParser) -> None:
+    ensemble = parser.add_argument_group("ensemble")
+    ensemble.add_argument(
+        "--members",
+        type=_count,
+        default=16,
+        metavar="N",
+        help="gliders and seas to descend on; 1: the nominal case alone; default: 16",
+    )
+    ensemble.add_argument(
+        "--validation",
+        type=_count,
+        default=32,
+        metavar="N",
+        help="to choose by; default: 32",
+    )
+    ensemble.add_argument(
+        "--test",
+        type=_count,
+        default=64,
+        metavar="N",
+        help="held out for the verdict; default: 64",
+    )
+    ensemble.add_argument(
+        "--uncertainty",
+        type=float,
+        default=0.2,
+        metavar="H",
+        help="relative half width of masses, inertias and coefficients; default: 0.2",
+    )
+    ensemble.add_argument(
+        "--amplitude",
+        type=float,
+        default=0.5,
+        metavar="H",
+        help="relative half width of the waves' amplitudes, phases free; default: 0.5",
+    )
+    ensemble.add_argument(
+        "--position",
+        type=float,
+        default=0.0,
+        metavar="M",
+        help="half width of the starting position [m]; default: 0",
+    )
+    ensemble.add_argument(
+        "--aggregate",
+        choices=("mean", "cvar", "worst"),
+        help="how members' costs become one; default: mean",
+    )
+    ensemble.add_argument(
+        "--objective",
+        type=Path,
+        metavar="FILE",
+        help="TOML with [weights] (tracking, effort, chattering, crowding, roll, "
+        "roll_limit_rad, saturation) and [aggregate] (kind, share, sharpness)",
+    )
 
 
 def _add_simulate(commands: Any) -> None:
     text = "run one mission from a TOML file"
     parser = commands.add_parser("simulate", help=text, description=text + ".")
-    parser.add_argument("--config", type=Path, required=True, metavar="FILE")
     parser.add_argument(
-        "--seed", type=int, metavar="N", help="of the sea, instead of the file's"
+        "--config",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="mission file; `jaxglider init` writes one to start from",
+    )
+    parser.add_argument(
+        "--seed", type=_seed, metavar="N", help="of the sea, instead of the file's"
     )
     _add_common(parser, "results/simulate")
 
@@ -161,19 +336,23 @@ def _add_validate(commands: Any) -> None:
 def _add_dt(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dt",
-        type=float,
+        type=_positive,
         default=0.05,
         metavar="S",
-        help="control tick; default: 0.05",
+        help="control tick [s]; default: 0.05",
     )
 
 
 def _add_common(parser: argparse.ArgumentParser, out: str) -> None:
-    parser.add_argument(
-        "--precision", type=int, choices=(32, 64), default=64, help="default: 64"
-    )
+    _add_output(parser)
     parser.add_argument(
         "--out", type=Path, default=Path(out), metavar="DIR", help=f"default: {out}"
+    )
+
+
+def _add_output(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--precision", type=int, choices=(32, 64), default=64, help="default: 64"
     )
     parser.add_argument(
         "--json", action="store_true", help="print the result as JSON on stdout"
@@ -188,6 +367,8 @@ def start_jax(precision: int) -> None:
     import jax
 
     jax.config.update("jax_enable_x64", precision == 64)
+    # An interruption while a program still runs in the background ends in a crash.
+    jax.config.update("jax_cpu_enable_async_dispatch", False)
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         jax.config.update("jax_compilation_cache_dir", str(cache_folder() / "programs"))
 
@@ -213,6 +394,13 @@ def _tune(options: argparse.Namespace) -> int:
     return tune(options)
 
 
+def _check(options: argparse.Namespace) -> int:
+    start_jax(options.precision)
+    from tuning.check import check
+
+    return check(options)
+
+
 def _init(options: argparse.Namespace) -> int:
     start_jax(64)
     from jaxglider.config import TEMPLATE
@@ -220,7 +408,10 @@ def _init(options: argparse.Namespace) -> int:
 
     if options.path.exists() and not options.force:
         raise ValueError(f"{options.path} exists; choose another name or use --force.")
-    write_text(options.path, TEMPLATE())
+    try:
+        write_text(options.path, TEMPLATE())
+    except OSError as error:
+        raise OSError(f"{options.path} cannot be written: {error}.") from error
     sys.stdout.write(
         f"{options.path} written. Edit it, then: "
         f"jaxglider simulate --config {options.path}\n"
@@ -248,6 +439,7 @@ _COMMANDS = {
     "compare": _compare,
     "simulate": _simulate,
     "tune": _tune,
+    "check-gradients": _check,
     "init": _init,
     "validate": _validate,
 }

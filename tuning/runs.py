@@ -3,13 +3,13 @@
 import argparse
 import dataclasses
 import json
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import jax
-import numpy as np
 
 from jaxglider import paper
 from jaxglider.config import load_gains, load_mission, start_warnings
@@ -63,9 +63,9 @@ class Done:
 
 def compare(options: argparse.Namespace) -> int:
     """`jaxglider compare`: the paper's cases under the same sea."""
-    check_writable(options.out)
     scenarios = paper.SCENARIOS if options.scenario == "all" else (options.scenario,)
     entries = [e for s in scenarios for e in _paper_entries(options, s)]
+    check_writable(options.out)
     done, interrupted = run_all(entries, seed=0, quiet=False)
     return _report(options, done, interrupted, seed=0)
 
@@ -81,11 +81,16 @@ def _paper_entries(options: argparse.Namespace, scenario: str) -> Iterator[Entry
             paper.make_observer(name, model),
         )
         yield Entry(scenario, options.plant, name, loop)
-    for path in options.gains:
+    stems = [path.stem for path in dict.fromkeys(options.gains)]
+    for path in dict.fromkeys(options.gains):
         kind, controller, observer = load_gains(path, scenario, model)
-        label = f"{kind} ({path.stem})"
+        # `tune` gives all its files one name: tell them apart by their folder.
+        name = path.stem if stems.count(path.stem) == 1 else str(path)
         yield Entry(
-            scenario, options.plant, label, ClosedLoop(setting, controller, observer)
+            scenario,
+            options.plant,
+            f"{kind} ({name})",
+            ClosedLoop(setting, controller, observer),
         )
 
 
@@ -134,10 +139,11 @@ def _report(
     options: argparse.Namespace, done: list[Done], interrupted: bool, seed: int
 ) -> int:
     """Print, write and draw what came of the runs."""
-    if interrupted:
-        note(f"interrupted; keeping {len(done)} finished runs.")
     if not done:
+        note("interrupted before a run was finished; nothing is written.")
         return INTERRUPTED
+    if interrupted:
+        note(f"interrupted; keeping {len(done)} finished of the runs.")
     about = provenance(
         command=sys.argv[1:],
         seed=seed,
@@ -146,14 +152,11 @@ def _report(
     )
     summaries = [one.summary() for one in done]
     result = {"runs": summaries, "provenance": about}
-    if options.json:
-        json.dump(result, sys.stdout, indent=2, allow_nan=False)
-        sys.stdout.write("\n")
-    else:
-        for key in dict.fromkeys((s["scenario"], s["plant"]) for s in summaries):
-            group = [s for s in summaries if (s["scenario"], s["plant"]) == key]
-            sys.stdout.write(text_table(group) + "\n\n")
-    sys.stdout.flush()
+    tables = []
+    for key in dict.fromkeys((s["scenario"], s["plant"]) for s in summaries):
+        group = [s for s in summaries if (s["scenario"], s["plant"]) == key]
+        tables.append(text_table(group) + "\n")
+    print_result(result, "\n".join(tables), as_json=options.json)
     _write(options.out, done, result)
     failed = [s for s in summaries if not s["finite"]]
     for run in failed:
@@ -161,6 +164,19 @@ def _report(
     if interrupted:
         return INTERRUPTED
     return RUN_FAILED if failed else OK
+
+
+def print_result(result: dict[str, Any], text: str, *, as_json: bool) -> None:
+    """Print a result as text or as JSON; a reader who has gone does no harm."""
+    try:
+        sys.stdout.write(
+            json.dumps(result, indent=2, allow_nan=False) if as_json else text
+        )
+        sys.stdout.write("\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Stop Python from complaining when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _write(out: Path, done: list[Done], result: dict[str, Any]) -> None:
@@ -206,8 +222,3 @@ def check_writable(folder: Path) -> None:
         (folder / ".probe").unlink()
     except OSError as error:
         raise OSError(f"--out {folder} cannot be written: {error}.") from error
-
-
-def is_finite(value: Any) -> bool:
-    """Whether every number in an array is finite."""
-    return bool(np.all(np.isfinite(np.asarray(value))))

@@ -16,6 +16,11 @@ _PAPER_ROWS = {
     "average_effort": ("rms_effort", "L2[U]"),
     "chattering": ("chattering", "L2[dU]"),
 }
+_OWN_ROWS = {
+    "max_error_settled": ("max_error_settled", "max error settled"),
+    "time_outside_funnel": ("time_outside_funnel", "time outside funnel"),
+    "time_saturated": ("time_saturated", "time saturated"),
+}
 _COLUMNS = {
     "max_error": "max|e|",
     "max_error_settled": "settled",
@@ -32,20 +37,20 @@ def text_table(runs: list[dict[str, Any]]) -> str:
     first = runs[0]
     wide = max(10, *(len(r["controller"]) for r in runs)) + 2
     head = "".join(f"{title:>10}" for title in _COLUMNS.values())
+    compared = any(_is_printed(run) for run in runs)
     lines = [
         f"{first['scenario']} on {first['plant']}",
-        f"{'channel':<14}{'controller':<{wide}}{head}{'paper L2[e]':>13}",
+        f"{'channel':<14}{'controller':<{wide}}{head}"
+        + (f"{'paper L2[e]':>13}" if compared else ""),
     ]
     for channel, unit in _UNITS.items():
         for run in runs:
             measures = run["channels"][channel]
-            cells = "".join(f"{_figure(measures[k]):>10}" for k in _COLUMNS)
-            printed = paper.printed_value(
-                run["scenario"], channel, run["controller"], "average_tracking"
-            )
+            cells = "".join(f"{figure(measures[k]):>10}" for k in _COLUMNS)
+            if compared:
+                cells += f"{figure(_printed(run, channel, 'average_tracking')):>13}"
             lines.append(
                 f"{f'{channel} [{unit}]':<14}{run['controller']:<{wide}}{cells}"
-                f"{_figure(printed):>13}"
             )
     lines += [f"{r['controller']:>{wide}}: {outcome(r)}" for r in runs]
     return "\n".join(lines)
@@ -67,8 +72,10 @@ def outcome(run: dict[str, Any]) -> str:
 
 
 def markdown_tables(runs: list[dict[str, Any]]) -> str:
-    """All runs beside the paper's printed tables."""
-    parts = ["# Control performance\n", CAVEAT, ""]
+    """All runs, beside the paper's printed tables where they have them."""
+    parts = ["# Control performance\n"]
+    if any(_is_printed(run) for run in runs):
+        parts += [CAVEAT, ""]
     for scenario, plant in dict.fromkeys((r["scenario"], r["plant"]) for r in runs):
         group = [r for r in runs if (r["scenario"], r["plant"]) == (scenario, plant)]
         parts += [f"\n## {scenario} on {plant}\n", *_markdown_group(group), ""]
@@ -77,30 +84,40 @@ def markdown_tables(runs: list[dict[str, Any]]) -> str:
 
 
 def _markdown_group(group: list[dict[str, Any]]) -> list[str]:
-    names = [run["controller"] for run in group]
-    titles = [f"{n} paper | {n} here" for n in names]
+    titles = []
+    for run in group:
+        if _is_printed(run):
+            titles.append(f"{run['controller']} paper")
+        titles.append(f"{run['controller']} here")
     rows = [
         "| channel | measure | " + " | ".join(titles) + " |",
-        "|---|---|" + "---:|---:|" * len(names),
+        "|---|---|" + "---:|" * len(titles),
     ]
     for channel, unit in _UNITS.items():
-        for row, (key, title) in _PAPER_ROWS.items():
+        for row, (key, title) in {**_PAPER_ROWS, **_OWN_ROWS}.items():
             cells = []
             for run in group:
-                printed = paper.printed_value(
-                    run["scenario"], channel, run["controller"], row
-                )
-                here = run["channels"][channel][key]
-                cells.append(f"{_figure(printed)} | {_figure(here)}")
-            rows.append(f"| {channel} [{unit}] | {title} | " + " | ".join(cells) + " |")
-        for key in ("max_error_settled", "time_outside_funnel", "time_saturated"):
-            cells = [f" | {_figure(run['channels'][channel][key])}" for run in group]
-            title = key.replace("_", " ")
-            rows.append(f"| {channel} | {title} | " + " | ".join(cells) + " |")
+                if _is_printed(run):
+                    cells.append(figure(_printed(run, channel, row)))
+                cells.append(figure(run["channels"][channel][key]))
+            of = channel if row.startswith("time") else f"{channel} [{unit}]"
+            rows.append(f"| {of} | {title} | " + " | ".join(cells) + " |")
     return rows
 
 
-def _figure(value: float | None) -> str:
+def _is_printed(run: dict[str, Any]) -> bool:
+    """Whether the paper has a column for a run: not for a mission of the same name."""
+    return run["plant"] in paper.PLANTS and run["controller"] in paper.CONTROLLERS
+
+
+def _printed(run: dict[str, Any], channel: str, row: str) -> float | None:
+    if row in _OWN_ROWS or not _is_printed(run):
+        return None
+    return paper.printed_value(run["scenario"], channel, run["controller"], row)
+
+
+def figure(value: float | None) -> str:
+    """A number in a table; a dash for none."""
     if value is None:
         return "-"
     if value == 0.0 or 1e-3 <= abs(value) < 1e4:

@@ -22,7 +22,13 @@ from jaxglider.vehicle.parameters import GliderParameters
 
 
 class AbstractPlant(eqx.Module):
-    """A glider that can be integrated in time."""
+    """A glider that can be integrated in time.
+
+    Attributes:
+        parameters: the true parameters.
+    """
+
+    parameters: eqx.AbstractVar[GliderParameters]
 
     @abstractmethod
     def derivative(

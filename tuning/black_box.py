@@ -1,0 +1,104 @@
+"""Black-box search on the free numbers and members of a tuning task."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxglider._types import Series
+from jaxglider.ensemble import map_members
+from tuning.derivative_free import (
+    GRADIENT_COST,
+    cma_es,
+    default_population,
+    random_search,
+)
+from tuning.descent import Settings, Step
+from tuning.progress import Progress, note
+from tuning.task import Task
+
+SPREAD = 0.5
+"""First standard deviation of the draws, in the logarithm of a gain."""
+
+
+def black_box(
+    method: str, task: Task, settings: Settings, progress: Progress
+) -> tuple[Series, list[Step], bool]:
+    """Search with the budget that the descent of these settings would have.
+
+    Args:
+        method: `cma` or `random`.
+        task: what to tune.
+        settings: of the descent; steps, copies and seed are used.
+        progress: where to show progress.
+
+    Returns:
+        The free numbers that are best on the validation members, the history, and
+        whether the search was interrupted.
+    """
+    members = int(jax.tree.leaves(task.training)[0].shape[0])
+    lanes = members * -(-settings.copies // members)
+    budget = settings.steps * GRADIENT_COST * lanes
+    start = task.space.read(task.loop)
+    size = default_population(int(start.shape[0]))
+    search = {"cma": cma_es, "random": random_search}[method](
+        _losses(task, start),
+        start,
+        budget,
+        size,
+        SPREAD,
+        settings.seed,
+        members=members,
+    )
+    validate = jax.jit(lambda free: _ensemble_loss(task, free, task.validation))
+    history: list[Step] = []
+    try:
+        for found in search:
+            free = jnp.asarray(found.free, start.dtype)
+            validation = float(validate(free))
+            best = min((s.validation for s in history), default=np.inf)
+            better = validation < best
+            history.append(
+                Step(
+                    found.number,
+                    found.loss,
+                    validation,
+                    free,
+                    False,
+                    better,
+                    found.learning_rate,
+                )
+            )
+            progress.show(
+                f"generation {found.number}  objective {found.loss:.4f}  "
+                f"validation {validation:.4f}  best {min(best, validation):.4f}  "
+                f"{found.rollouts}/{budget} rollouts"
+            )
+    except KeyboardInterrupt:
+        if not history:
+            raise
+        progress.clear()
+        note("interrupted; keeping the best gains so far.")
+        return _best(history), history, True
+    return _best(history), history, False
+
+
+def _losses(task: Task, start: Series) -> Any:
+    """Compiled: the objective of each row of free numbers on all training members."""
+
+    @jax.jit
+    def losses(rows: jax.Array) -> jax.Array:
+        return jax.lax.map(lambda free: _ensemble_loss(task, free, task.training), rows)
+
+    return lambda rows: losses(jnp.asarray(rows, start.dtype))
+
+
+def _ensemble_loss(task: Task, free: Series, members: Any) -> Any:
+    costs = map_members(lambda member: task.loss(free, member), members)
+    return task.aggregate(costs)[0]
+
+
+def _best(history: list[Step]) -> Series:
+    finite = [s for s in history if np.isfinite(s.validation)]
+    return min(finite or history, key=lambda s: s.validation).free

@@ -1,0 +1,333 @@
+"""What tuning came to: before against after, on members it never saw."""
+
+import csv
+import io
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from matplotlib.figure import Figure
+from scipy import stats
+
+from jaxglider.controllers import FxTPPC
+from jaxglider.io import metrics_dict, replacing, write_text
+from jaxglider.metrics import Metrics
+from jaxglider.plotting import errors
+from jaxglider.rollout import ClosedLoop, Trajectory, simulate
+from tuning.descent import Step
+from tuning.members import nominal_member
+from tuning.objective import CHANNELS
+from tuning.tables import outcome
+from tuning.task import Task
+
+_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
+_MEASURES = {"rms_error": "L2[e]", "rms_effort": "L2[U]", "chattering": "L2[dU]"}
+
+
+def verdict(task: Task, tuned: ClosedLoop) -> dict[str, Any]:
+    """Before against after on the nominal case and on the held-out test members."""
+    run = task.on_members()
+    loops = {"before": task.loop, "after": tuned}
+    nominal = {name: run(at, nominal_member(task.loop)) for name, at in loops.items()}
+    held_out = {name: jax.device_get(run(at, task.test)) for name, at in loops.items()}
+    has_waypoints = task.loop.scenario.reference.can_finish
+    return {
+        "nominal": {
+            name: metrics_dict(_one(m, 0), has_waypoints=has_waypoints)
+            for name, m in nominal.items()
+        },
+        "held_out": {
+            channel: {
+                measure: paired(
+                    _column(held_out["before"], channel, measure),
+                    _column(held_out["after"], channel, measure),
+                )
+                for measure in _MEASURES
+            }
+            for channel in CHANNELS
+        },
+        "counts": {name: _counts(m) for name, m in held_out.items()},
+    }
+
+
+def paired(before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
+    """Paired comparison of one measure on the same members.
+
+    Args:
+        before: of each member.
+        after: of each member.
+
+    Returns:
+        Means, mean difference with its 95 % Student interval (None for one member),
+        how many members improved, and how many pairs were finite.
+    """
+    usable = np.isfinite(before) & np.isfinite(after)
+    old, new = before[usable].astype(float), after[usable].astype(float)
+    if not len(old):
+        return {"pairs": 0, "before": None, "after": None, "better": 0} | {
+            "difference": None,
+            "interval": None,
+        }
+    difference = new - old
+    interval = None
+    if len(old) > 1:
+        half = stats.t.ppf(0.975, len(old) - 1) * stats.sem(difference)
+        interval = [float(difference.mean() - half), float(difference.mean() + half)]
+    return {
+        "pairs": len(old),
+        "before": float(old.mean()),
+        "after": float(new.mean()),
+        "better": int(np.sum(difference < 0.0)),
+        "difference": float(difference.mean()),
+        "interval": interval,
+    }
+
+
+def _one(metrics: Metrics, number: int) -> Metrics:
+    return jax.tree.map(lambda x: x[number], metrics)
+
+
+def _column(metrics: Metrics, channel: str, measure: str) -> np.ndarray:
+    return np.asarray(getattr(getattr(metrics.channels, channel), measure))
+
+
+def _counts(metrics: Metrics) -> dict[str, int]:
+    outside = sum(_column(metrics, c, "time_outside_funnel") > 0.0 for c in CHANNELS)
+    return {
+        "members": len(np.asarray(metrics.finite)),
+        "not_finite": int(np.sum(~np.asarray(metrics.finite))),
+        "capsized": int(np.sum(np.asarray(metrics.capsized))),
+        "outside_funnel": int(np.sum(outside > 0)),
+    }
+
+
+def text_report(result: dict[str, Any]) -> str:
+    """The result as a table for a terminal."""
+    members = result["members"]
+    lines = [
+        f"{result['controller']}, {result['scenario']} on {result['plant']}: "
+        f"{result['method']}, {result['steps']} steps "
+        f"({result['refused']} refused) on "
+        f"{members['training']} members, {result['seconds']:.0f} s",
+        f"held-out test, {members['test']} members:",
+        f"{'':<16}"
+        + "".join(f"{m:>22}" for m in _MEASURES.values())
+        + f"{'better':>10}",
+    ]
+    for channel, unit in _UNITS.items():
+        cells = ""
+        for measure in _MEASURES:
+            row = result["held_out"][channel][measure]
+            cells += f"{_arrow(row['before'], row['after']):>22}"
+        row = result["held_out"][channel]["rms_error"]
+        cells += f"{row['better']:>5}/{row['pairs']}"
+        lines.append(f"{f'{channel} [{unit}]':<16}{cells}")
+    for name, counts in result["counts"].items():
+        lines.append(
+            f"{name:>7}: {counts['outside_funnel']} left a funnel, "
+            f"{counts['capsized']} rolled past 90 deg, "
+            f"{counts['not_finite']} failed"
+        )
+    lines += [f"nominal {n}: {outcome(run)}" for n, run in result["nominal"].items()]
+    lines += [
+        f"{name:<42}{gain['before']:>12.5g} -> {gain['after']:<12.5g}"
+        for name, gain in result["gains"].items()
+    ]
+    return "\n".join(lines)
+
+
+def _arrow(before: float | None, after: float | None) -> str:
+    old, new = ("-" if v is None else f"{v:.4f}" for v in (before, after))
+    return f"{old} -> {new}"
+
+
+def history_table(task: Task, history: list[Step]) -> str:
+    """The descent as CSV: one row a step, gains in their own units."""
+    table = io.StringIO()
+    rows = csv.writer(table)
+    head = ["step", "objective", "validation", "refused", "best", "learning_rate"]
+    rows.writerow([*head, *task.space.names])
+    for step in history:
+        gains = task.space.values(task.space.write(task.loop, step.free))
+        rows.writerow(
+            [
+                step.number,
+                step.loss,
+                step.validation,
+                int(step.refused),
+                int(step.best),
+                step.learning_rate,
+                *gains.values(),
+            ]
+        )
+    return table.getvalue()
+
+
+def write_report(
+    out: Path,
+    task: Task,
+    tuned: ClosedLoop,
+    history: list[Step],
+    result: dict[str, Any],
+) -> None:
+    """Write report.md and its figures."""
+    run = jax.jit(simulate)
+    sea = task.loop.scenario.sea(jax.random.key(0))
+    runs = {
+        "before": jax.device_get(run(task.loop, sea)),
+        "after": jax.device_get(run(tuned, sea)),
+    }
+    figures = {
+        "objective.png": _objective_figure(history),
+        "gains.png": _gains_figure(task, history),
+        "errors.png": _errors_figure(runs),
+    }
+    for name, figure in figures.items():
+        with replacing(out / name) as temporary:
+            figure.savefig(temporary, dpi=150)
+    settling = _settling_table(tuned, runs)
+    write_text(out / "report.md", _markdown(result, settling))
+
+
+def _objective_figure(history: list[Step]) -> Figure:
+    figure = Figure(figsize=(5.0, 3.2), layout="constrained")
+    axes = figure.subplots()
+    kept = [s for s in history if not s.refused]
+    refused = [s for s in history if s.refused]
+    numbers = [s.number for s in kept]
+    axes.plot(numbers, [s.loss for s in kept], color="#0072B2", label="training")
+    axes.plot(
+        numbers,
+        [s.validation for s in kept],
+        color="#D55E00",
+        ls="--",
+        label="validation",
+    )
+    top = max(
+        np.nanmax([s.loss for s in kept]), np.nanmax([s.validation for s in kept])
+    )
+    if refused:
+        axes.plot(
+            [s.number for s in refused],
+            [min(s.loss, top) if np.isfinite(s.loss) else top for s in refused],
+            "x",
+            color="0.4",
+            label="refused",
+        )
+    axes.set(xlabel="step", ylabel="objective", ylim=(0, 1.05 * top))
+    axes.grid(alpha=0.3)
+    axes.legend(loc="upper right")
+    return figure
+
+
+def _gains_figure(task: Task, history: list[Step]) -> Figure:
+    figure = Figure(figsize=(5.0, 3.6), layout="constrained")
+    axes = figure.subplots()
+    kept = [s for s in history if not s.refused]
+    values = [
+        list(task.space.values(task.space.write(task.loop, s.free)).values())
+        for s in kept
+    ]
+    ratios = np.asarray(values) / np.asarray(values[0])
+    styles = ("-", "--", "-.", ":")
+    names = [n.removeprefix("controller.") for n in task.space.names]
+    largest = np.argsort(-np.abs(np.log(np.abs(ratios[-1]) + 1e-300)))[:8]
+    for rank, column in enumerate(sorted(largest)):
+        axes.semilogy(
+            [s.number for s in kept],
+            ratios[:, column],
+            ls=styles[rank % 4],
+            label=names[column],
+        )
+    title = "" if len(names) <= 8 else f" (8 of {len(names)} that moved most)"
+    axes.set(xlabel="step", ylabel=f"gain over its start{title}")
+    axes.grid(alpha=0.3, which="both")
+    axes.legend(fontsize=8, loc="best")
+    return figure
+
+
+def _errors_figure(runs: dict[str, Trajectory]) -> Figure:
+    figure = Figure(figsize=(5.0, 5.6), layout="constrained")
+    errors(figure.subplots(3, sharex=True), runs)
+    return figure
+
+
+def _settling_table(tuned: ClosedLoop, runs: dict[str, Trajectory]) -> list[str]:
+    """The theory's settling bound beside the settling seen, for FxTPPC."""
+    if not isinstance(tuned.controller, FxTPPC):
+        return []
+    rows = [
+        "| channel | bound 2 mu/min(k1, k2) [s] | longest time to stay within "
+        "the final bound, nominal [s] |",
+        "|---|---:|---:|",
+    ]
+    for channel in CHANNELS:
+        gains = getattr(tuned.controller.gains, channel)
+        seen = settling_seen(runs["after"], channel)
+        rows.append(f"| {channel} | {float(gains.settling_bound()):.4g} | {seen} |")
+    return rows
+
+
+def settling_seen(run: Trajectory, channel: str) -> str:
+    """How long after a funnel's restart an error last left its final bound [s]."""
+    ticks = run.ticks
+    active = np.asarray(ticks.active)
+    limits = getattr(ticks.limits, channel)
+    lower, upper = np.asarray(limits.lower)[active], np.asarray(limits.upper)[active]
+    error = np.asarray(getattr(ticks.error, channel))[active]
+    clock = np.asarray(ticks.clock)[active]
+    outside = (error < lower.max()) | (error > upper.min())
+    if not np.any(outside):
+        return "0.0"
+    return f"{clock[outside].max():.1f}"
+
+
+def _markdown(result: dict[str, Any], settling: list[str]) -> str:
+    lines = [
+        f"# Tuning {result['controller']}: {result['scenario']} on {result['plant']}\n",
+        f"{result['steps']} steps, {result['refused']} refused, "
+        f"{result['seconds']:.0f} s. The gains are those best on the validation "
+        "members; the figures below are of test members that neither descent nor "
+        "choice has seen.\n",
+    ]
+    lines += [f"> {text}" for text in result["notes"]]
+    lines += [
+        "\n## Held-out members, before and after\n",
+        "| channel | measure | before | after | difference | 95 % interval | better |",
+        "|---|---|---:|---:|---:|---|---:|",
+    ]
+    for channel, unit in _UNITS.items():
+        for measure, title in _MEASURES.items():
+            row = result["held_out"][channel][measure]
+            span = row["interval"]
+            words = "-" if span is None else f"[{span[0]:.3g}, {span[1]:.3g}]"
+            lines.append(
+                f"| {channel} [{unit}] | {title} | {_cell(row['before'])} | "
+                f"{_cell(row['after'])} | {_cell(row['difference'])} | {words} | "
+                f"{row['better']}/{row['pairs']} |"
+            )
+    lines.append("")
+    for name, counts in result["counts"].items():
+        lines.append(
+            f"- {name}: of {counts['members']} members {counts['outside_funnel']} left "
+            f"a funnel at some time, {counts['capsized']} rolled past 90 degrees, "
+            f"{counts['not_finite']} became non-finite"
+        )
+    lines += ["\n## Nominal case\n"]
+    lines += [f"- {name}: {outcome(run)}" for name, run in result["nominal"].items()]
+    if settling:
+        lines += ["\n## Settling\n", *settling]
+    lines += ["\n## Gains\n", "| gain | before | after |", "|---|---:|---:|"]
+    for name, gain in result["gains"].items():
+        lines.append(f"| `{name}` | {gain['before']:.6g} | {gain['after']:.6g} |")
+    lines += [
+        "\n![objective](objective.png)\n",
+        "![gains](gains.png)\n",
+        "![errors](errors.png)",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
