@@ -1,0 +1,523 @@
+"""The command line as a newcomer meets it: results, messages and exit codes."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+
+import netCDF4
+import numpy as np
+import pytest
+
+import tuning.cli
+import tuning.runs
+import tuning.tune
+from jaxglider import paper
+from jaxglider.config import TEMPLATE
+from tuning.cli import main
+
+MISSION = """
+name = "bay"
+[clock]
+duration_s = 5.0
+[[disturbance]]
+type = "paper"
+"""
+OUTSIDE = MISSION + "[initial_state]\ndepth_m = 3.0\n"
+BURST = MISSION + "[initial_state]\nsurge_m_s = 1e160\n"
+CHANNELS = {"depth", "pitch", "heading"}
+MEASURES = {
+    "max_error",
+    "max_error_settled",
+    "rms_error",
+    "rms_effort",
+    "chattering",
+    "time_outside_funnel",
+}
+
+
+@pytest.fixture(autouse=True)
+def at_home(tmp_path, monkeypatch):
+    """In an empty folder, JAX as the tests have set it up, and no figures."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tuning.cli, "start_jax", lambda precision: None)
+    monkeypatch.setattr(tuning.runs, "save_all", lambda *args: [])
+    (tmp_path / "mission.toml").write_text(MISSION)
+
+
+@pytest.fixture
+def call(capsys):
+    """Runs a command; returns its exit code, standard output and standard error."""
+
+    def run(*arguments):
+        try:
+            code = main([str(a) for a in arguments])
+        except SystemExit as stop:
+            code = stop.code
+        return code, *capsys.readouterr()
+
+    return run
+
+
+def _environment(tmp_path, **more):
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(("JAX", "XLA"))}
+    return {**clean, "JAX_PLATFORMS": "cpu", "XDG_CACHE_HOME": str(tmp_path), **more}
+
+
+def _refused(answer, *parts):
+    """Exit code 2, one line on standard error, nothing on standard output."""
+    code, out, err = answer
+    assert code == 2
+    assert out == ""
+    assert "Traceback" not in err
+    line = err.splitlines()[-1]
+    for part in parts:
+        assert part in line
+    return line
+
+
+def test_names_on_the_command_line_are_those_of_the_package():
+    assert tuning.cli.SCENARIOS == paper.SCENARIOS
+    assert tuple(paper.PLANTS) == tuning.cli.PLANTS
+    assert tuning.cli.CONTROLLERS == paper.CONTROLLERS
+
+
+def test_help_and_version_import_nothing_heavy(tmp_path):
+    code = (
+        "import sys\n"
+        "from tuning.cli import main\n"
+        "for arguments in ['--help'], ['tune', '--help'], ['--version']:\n"
+        "    try: main(arguments)\n"
+        "    except SystemExit as stop: assert stop.code == 0\n"
+        "heavy = {'jax', 'numpy', 'matplotlib', 'netCDF4', 'equinox', 'optax', 'scipy'}"
+        "\nassert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    for word in ("compare", "simulate", "tune", "init", "validate", "Exit codes", "0."):
+        assert word in done.stdout
+
+
+def test_no_command_shows_the_help_and_is_a_usage_error(call):
+    code, out, _ = call()
+    assert code == 2
+    assert "usage: jaxglider" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        ("fly", ("invalid choice: 'fly'", "compare", "simulate")),
+        ("compare --controllers pid", ("--controllers", "'pid'", "smc", "fxtppc")),
+        ("compare --controllers", ("--controllers", "at least one")),
+        ("compare --scenario lake", ("--scenario", "'lake'", "switching", "waypoints")),
+        ("compare --plant real", ("--plant", "'real'", "rigid-body")),
+        ("compare --dt 0", ("--dt", "positive number", "'0'")),
+        ("compare --dt -0.1", ("--dt", "positive number", "'-0.1'")),
+        ("compare --dt nan", ("--dt", "positive number", "'nan'")),
+        ("compare --dt inf", ("--dt", "positive number", "'inf'")),
+        ("compare --dt fast", ("--dt", "positive number", "'fast'")),
+        ("compare --precision 16", ("--precision", "16", "32", "64")),
+        ("compare --dtt 1", ("unrecognized arguments", "--dtt")),
+        ("tune --steps 0", ("--steps", "at least 1", "'0'")),
+        ("tune --steps -5", ("--steps", "at least 1", "'-5'")),
+        ("tune --steps 1.5", ("--steps", "whole number", "'1.5'")),
+        ("tune --members 0", ("--members", "at least 1", "'0'")),
+        ("tune --duration 0", ("--duration", "positive number", "'0'")),
+        ("tune --learning-rate nan", ("--learning-rate", "positive number", "'nan'")),
+        ("tune --learning-rate inf", ("--learning-rate", "positive number", "'inf'")),
+        ("tune --seed -1", ("--seed", "[0, 2^32)", "'-1'")),
+        ("tune --controller pid", ("--controller", "'pid'", "smc", "fxtppc")),
+        ("simulate", ("required", "--config")),
+        ("simulate --config m.toml --seed 4294967296", ("--seed", "'4294967296'")),
+        ("validate", ("required", "FILE")),
+    ],
+)
+def test_wrong_usage_is_refused_with_argument_rule_and_value(call, arguments, parts):
+    _refused(call(*arguments.split()), *parts)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        ("simulate --config gone.toml", ("gone.toml", "no such file")),
+        ("simulate --config .", (".", "cannot be read")),
+        ("validate gone.toml", ("gone.toml", "no such file")),
+        ("compare --gains gone.toml", ("gone.toml", "no such file")),
+        ("compare --gains mission.toml", ("mission.toml: controller is missing",)),
+        ("compare --dt 900", ("Clock.dt", "in (0, 800]", "900.0")),
+        ("simulate --config mission.toml --out mission.toml", ("--out mission.toml",)),
+        ("simulate --config mission.toml --out mission.toml/x", ("--out", "/x")),
+        ("simulate --config mission.toml --out /proc/none", ("--out /proc/none",)),
+        ("compare --out /proc/none", ("--out /proc/none", "cannot be written")),
+        ("tune --gains gone.toml", ("gone.toml", "no such file")),
+        ("tune --out /proc/none", ("--out /proc/none", "cannot be written")),
+        ("init mission.toml", ("mission.toml exists", "--force")),
+        ("init /proc/none/m.toml", ("/proc/none/m.toml", "cannot be written")),
+        ("init . --force", (".", "cannot be written")),
+    ],
+)
+def test_what_cannot_be_used_is_refused_in_one_line(call, arguments, parts):
+    code, out, err = call(*arguments.split())
+    line = _refused((code, out, err), *parts)
+    assert line.startswith("jaxglider: ")
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("[clok]\n", ("unknown key clok", "did you mean clock?")),
+        ("seed = 1.5\n", ("seed", "whole number", "1.5")),
+        ("[clock]\ndt_s = nan\n", ("clock.dt_s", "finite", "nan")),
+        ("[clock]\ndt_s = 0.05\nx\n", ("line 3",)),
+        ("[clock]\nduration_s = 1e300\n", ("clock.duration_s", "Shorten the run")),
+        (
+            "[vehicle.parameters]\nheave_mass = -1.0\n",
+            ("vehicle.parameters", "heave_mass must be positive", "-1.0"),
+        ),
+        (
+            "[controller.gains.depth]\nrho = 1.5\n",
+            ("controller.gains.depth", "rho must be in (0, 1)", "1.5"),
+        ),
+        (
+            "[controller.funnel.performance.depth]\nfinal_bound_m = 0.7\n",
+            ("controller.funnel.performance.depth", "0.648054", "0.7", "lower"),
+        ),
+        (
+            '[reference]\ntype = "waypoints"\n[reference.waypoints]\n'
+            "north_m = []\neast_m = []\n",
+            ("reference.waypoints", "at least 1 waypoint"),
+        ),
+        (
+            '[reference]\ntype = "waypoints"\n[reference.waypoints]\n'
+            "north_m = [9.0, 9.0]\neast_m = [1.0, 1.0]\n",
+            ("reference.waypoints", "waypoint 2 equals waypoint 1", "remove one"),
+        ),
+        ('[controller]\ntype = "pid"\n', ("controller.type", "smc, ppc, fxtppc")),
+    ],
+)
+@pytest.mark.parametrize("command", ["validate", "simulate --config"])
+def test_a_wrong_mission_is_refused_before_anything_is_written(
+    call, tmp_path, command, text, parts
+):
+    (tmp_path / "wrong.toml").write_text(text)
+    line = _refused(call(*command.split(), "wrong.toml"), "wrong.toml: ", *parts)
+    assert line.startswith("jaxglider: ")
+    assert sorted(os.listdir(tmp_path)) == ["mission.toml", "wrong.toml"]
+
+
+def test_debug_raises_what_was_refused_on_either_side_of_the_command():
+    for arguments in (
+        ["--debug", "validate", "gone.toml"],
+        ["validate", "gone.toml", "--debug"],
+    ):
+        with pytest.raises(ValueError, match="no such file"):
+            main(arguments)
+
+
+def test_init_writes_the_template_and_never_overwrites_unasked(call, tmp_path):
+    code, out, err = call("init", "deep/own.toml")
+    assert (code, err) == (0, "")
+    assert "jaxglider simulate --config deep/own.toml" in out
+    file = tmp_path / "deep" / "own.toml"
+    assert file.read_text() == TEMPLATE()
+    file.write_text("mine")
+    assert call("init", "deep/own.toml")[0] == 2
+    assert file.read_text() == "mine"
+    assert call("init", "deep/own.toml", "--force")[0] == 0
+    assert file.read_text() == TEMPLATE()
+
+
+def test_validate_says_what_would_be_run(call):
+    code, out, err = call("validate", "mission.toml")
+    assert (code, err) == (0, "")
+    assert out == "mission.toml is valid: bay, fxtppc, 100 ticks of 0.05 s.\n"
+
+
+def test_a_start_outside_the_funnel_is_a_warning_and_the_run_goes_on(call, tmp_path):
+    (tmp_path / "outside.toml").write_text(OUTSIDE)
+    code, out, err = call("validate", "outside.toml")
+    assert code == 0
+    assert "warning: the depth error starts at 3, outside its funnel" in err
+    code, out, err = call("simulate", "--config", "outside.toml", "--json")
+    assert code == 0
+    assert err.count("warning") == 1
+    assert "warning: the depth error starts at 3, outside its funnel" in err
+    assert "the run goes on" in err
+    (run,) = json.loads(out)["runs"]
+    assert run["channels"]["depth"]["max_error"] >= 3.0
+    assert run["channels"]["depth"]["time_outside_funnel"] > 0.5
+    assert run["end_time_s"] == pytest.approx(5.0)
+
+
+def test_metrics_have_the_agreed_keys_and_json_is_the_same_object(call, tmp_path):
+    code, out, err = call(
+        "simulate", "--config", "mission.toml", "--json", "--out", "o"
+    )
+    assert code == 0
+    result = json.loads(out)
+    assert result == json.loads((tmp_path / "o" / "metrics.json").read_text())
+    assert set(result) >= {"runs", "provenance"}
+    (run,) = result["runs"]
+    assert set(run) >= {
+        "scenario",
+        "plant",
+        "controller",
+        "end_time_s",
+        "finite",
+        "channels",
+        "max_roll_rad",
+        "waypoints_reached",
+    }
+    assert (run["scenario"], run["controller"]) == ("bay", "fxtppc")
+    assert (run["finite"], run["waypoints_reached"]) == (True, None)
+    assert set(run["channels"]) == CHANNELS
+    for channel in run["channels"].values():
+        assert set(channel) >= MEASURES
+        assert all(isinstance(value, float) for value in channel.values())
+    about = result["provenance"]
+    assert (about["seed"], about["precision"], about["partial"]) == (0, 64, False)
+    assert set(about["versions"]) >= {"jaxglider", "jax", "python"}
+    assert err.startswith("jaxglider: o: metrics.json, tables.md, trajectories.nc")
+    with netCDF4.Dataset(tmp_path / "o" / "trajectories.nc") as file:
+        error = file["pitch_error"][0]
+        assert list(file["run"][:]) == ["bay/as configured/fxtppc"]
+        assert json.loads(file.provenance) == about
+    assert run["channels"]["pitch"]["rms_error"] == pytest.approx(
+        np.sqrt(np.mean(error**2)), rel=1e-12
+    )
+    assert not [name for name in os.listdir(tmp_path / "o") if name.startswith(".")]
+
+
+def test_the_seed_on_the_command_line_replaces_that_of_the_file(call, tmp_path):
+    noise = (
+        'seed = 5\n[clock]\nduration_s = 5.0\n[[disturbance]]\ntype = "coloured-noise"'
+        "\nstandard_deviation_N = 0.5\nstandard_deviation_N_m = 0.1\n"
+        "correlation_time_s = 1.0\n"
+    )
+    (tmp_path / "noise.toml").write_text(noise)
+    results = []
+    for more in ([], ["--seed", "5"], ["--seed", "6"]):
+        code, out, _ = call("simulate", "--config", "noise.toml", "--json", *more)
+        assert code == 0
+        results.append(json.loads(out))
+    own, same, other = (r["runs"][0]["channels"] for r in results)
+    assert own == same
+    assert own != other
+    assert [r["provenance"]["seed"] for r in results] == [5, 5, 6]
+
+
+def test_a_run_that_becomes_infinite_exits_with_1_and_null(call, tmp_path):
+    (tmp_path / "burst.toml").write_text(BURST)
+    code, out, err = call("simulate", "--config", "burst.toml", "--json")
+    assert code == 1
+    assert "bay, fxtppc: the run became non-finite." in err
+    (run,) = json.loads(out, parse_constant=pytest.fail)["runs"]
+    assert run["finite"] is False
+    assert None in run["channels"]["depth"].values()
+    assert (tmp_path / "results" / "simulate" / "trajectories.nc").exists()
+    code, out, err = call("simulate", "--config", "burst.toml")
+    assert code == 1
+    assert "FAILED: not finite" in out
+
+
+def test_a_reader_who_has_gone_does_not_cost_the_results(monkeypatch, tmp_path):
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as gone:
+        monkeypatch.setattr(sys, "stdout", gone)
+        assert main(["simulate", "--config", "mission.toml"]) == 0
+        monkeypatch.undo()
+    assert (tmp_path / "results" / "simulate" / "metrics.json").exists()
+
+
+def test_a_failure_while_writing_leaves_the_old_results(call, tmp_path, monkeypatch):
+    out = tmp_path / "results" / "simulate"
+    assert call("simulate", "--config", "mission.toml")[0] == 0
+    before = (out / "trajectories.nc").read_bytes()
+
+    def full(*args, **kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(tuning.runs, "write_trajectories", full)
+    code, _, err = call("simulate", "--config", "mission.toml")
+    assert code == 2
+    assert "No space left on device" in err
+    assert (out / "trajectories.nc").read_bytes() == before
+
+
+def test_an_interruption_keeps_the_runs_that_are_finished(call, tmp_path, monkeypatch):
+    get, calls = tuning.runs.jax.device_get, []
+
+    def interrupted(value):
+        calls.append(value)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return get(value)
+
+    monkeypatch.setattr(tuning.runs.jax, "device_get", interrupted)
+    code, out, err = call("compare", "--controllers", "smc", "--json", "--out", "o")
+    assert code == 130
+    assert "interrupted; keeping 1 finished" in err
+    result = json.loads(out)
+    assert [run["scenario"] for run in result["runs"]] == ["switching"]
+    assert result["provenance"]["partial"] is True
+    assert result == json.loads((tmp_path / "o" / "metrics.json").read_text())
+
+
+def test_an_interruption_before_the_first_run_writes_nothing(
+    call, tmp_path, monkeypatch
+):
+    def interrupted(value):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tuning.runs.jax, "device_get", interrupted)
+    code, out, err = call("simulate", "--config", "mission.toml", "--out", "o")
+    assert (code, out) == (130, "")
+    assert "nothing is written" in err
+    assert os.listdir(tmp_path / "o") == []
+
+
+def test_running_out_of_memory_is_told_in_one_line(call, monkeypatch):
+    def full(*args, **kwargs):
+        raise RuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 8 bytes.\nx")
+
+    monkeypatch.setattr(tuning.runs, "run_all", full)
+    code, out, err = call("simulate", "--config", "mission.toml")
+    assert (code, out) == (1, "")
+    assert err.startswith("jaxglider: out of memory: shorten the run")
+    assert err.count("\n") == 1
+
+
+def test_tuned_gains_are_written_and_compared_by_their_folder(
+    call, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(tuning.tune, "write_report", lambda *args: None)
+    # The law without an observer compiles fastest.
+    code, out, err = call(
+        *("tune", "--controller", "smc", "--plant", "printed", "--members", "1"),
+        *("--steps", "1", "--duration", "5", "--json", "--out", "a"),
+    )
+    assert code == 0, err
+    json.loads(out)
+    gains = tomllib.loads((tmp_path / "a" / "gains.toml").read_text())
+    assert gains["controller"]["type"] == "smc"
+    assert gains["controller"]["c2"]["pitch"] != 5.0
+    assert gains["provenance"]["scenario"] == "switching"
+    assert (tmp_path / "a" / "history.csv").read_text().count("\n") >= 3
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "gains.toml").write_text(
+        '[controller]\ntype = "smc"\n[controller.c1]\npitch = 2.0\n'
+    )
+    code, out, err = call(
+        *("compare", "--scenario", "switching", "--controllers", "smc", "--json"),
+        *("--gains", "a/gains.toml", "b/gains.toml", "a/gains.toml", "--out", "o"),
+    )
+    assert code == 0, err
+    runs = json.loads(out)["runs"]
+    names = ["smc", "smc (a/gains.toml)", "smc (b/gains.toml)"]
+    assert [run["controller"] for run in runs] == names
+    errors = [run["channels"]["pitch"]["rms_error"] for run in runs]
+    assert len(set(errors)) == 3
+    with netCDF4.Dataset(tmp_path / "o" / "trajectories.nc") as file:
+        assert list(file["run"][:]) == [f"switching/printed/{name}" for name in names]
+        for row, error in enumerate(errors):
+            found = np.sqrt(np.mean(file["pitch_error"][row] ** 2))
+            assert found == pytest.approx(error, rel=1e-12)
+    tables = (tmp_path / "o" / "tables.md").read_text()
+    assert "smc paper | smc here | smc (a/gains.toml) here" in tables
+
+
+def test_python_m_tuning_runs_a_mission_with_all_it_writes(tmp_path):
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "tuning", "simulate", "--config", "mission.toml"),
+            *("--precision", "32", "--json", "--out", "o"),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=_environment(tmp_path / "cache"),
+    )
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result == json.loads((tmp_path / "o" / "metrics.json").read_text())
+    assert result["provenance"]["precision"] == 32
+    assert result["provenance"]["command"][:2] == ["simulate", "--config"]
+    with netCDF4.Dataset(tmp_path / "o" / "trajectories.nc") as file:
+        assert file["depth"].dtype == np.float32
+    figures = os.listdir(tmp_path / "o" / "figures" / "bay")
+    assert "tracking.png" in figures
+    assert f"{len(figures)} figures" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert os.listdir(tmp_path / "cache" / "jaxglider")
+
+
+def test_ctrl_c_keeps_finished_runs_and_exits_with_130(tmp_path):
+    """The progress line of a terminal tells when the second run has begun."""
+    screen, terminal = pty.openpty()
+    code = (
+        "import signal, sys, tuning.cli, tuning.runs\n"
+        # A shell that runs the tests in the background has them ignore the signal.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "tuning.runs.save_all = lambda *args: []\n"
+        "sys.exit(tuning.cli.main())\n"
+    )
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-c", code, "compare", "--scenario", "switching"),
+            *("--controllers", "smc", "ppc", "fxtppc", "--out", "o"),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=terminal,
+        env=_environment(tmp_path / "cache"),
+    )
+    os.close(terminal)
+    seen, end = "", time.monotonic() + 120.0
+    while "2/3" not in seen:
+        assert time.monotonic() < end, seen
+        seen += os.read(screen, 1000).decode()
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=120)
+    seen += os.read(screen, 10000).decode()
+    os.close(screen)
+    assert process.returncode == 130, seen
+    assert "compiling and running" in seen
+    assert "interrupted; keeping 1 finished" in seen
+    assert "smc: 800.0 s" in out.decode()
+    result = json.loads((tmp_path / "o" / "metrics.json").read_text())
+    assert [run["controller"] for run in result["runs"]] == ["smc"]
+    assert result["provenance"]["partial"] is True
+
+
+def test_ctrl_c_while_a_program_runs_is_no_crash(tmp_path):
+    """A program that still ran in the background brought the interpreter down."""
+    code = (
+        "import os, signal, sys, jax, tuning.cli\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "get = jax.device_get\n"
+        "def interrupted(value):\n"
+        "    os.kill(os.getpid(), signal.SIGINT)\n"
+        "    return get(value)\n"
+        "jax.device_get = interrupted\n"
+        "sys.exit(tuning.cli.main())\n"
+    )
+    done = subprocess.run(
+        [
+            *(sys.executable, "-c", code, "compare", "--scenario", "switching"),
+            *("--controllers", "smc", "--dt", "0.002", "--out", "o"),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=_environment(tmp_path / "cache"),
+    )
+    assert done.returncode == 130, done.stderr
+    assert done.stderr.endswith("nothing is written.\n")
