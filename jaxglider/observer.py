@@ -102,7 +102,7 @@ class FixedTimeObserver(AbstractObserver):
         newton_steps: iterations of the scalar root.
 
     Raises:
-        ValueError: a gain or the smoothing is not positive.
+        ValueError: a gain or the smoothing is not positive, or there is no step.
     """
 
     model: DesignModel
@@ -117,6 +117,9 @@ class FixedTimeObserver(AbstractObserver):
             for axis, value in vars(getattr(self, name)).items():
                 check_interval("FixedTimeObserver", f"{name}.{axis}", value, low=0.0)
         check_interval("FixedTimeObserver", "smoothing", self.smoothing, low=0.0)
+        check_interval(
+            "FixedTimeObserver", "newton_steps", self.newton_steps, 1.0, closed_low=True
+        )
 
     def init(self, state: GliderState) -> ObserverState:
         """ϖ = ν and d̂ = 0."""
