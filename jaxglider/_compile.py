@@ -26,7 +26,7 @@ FAST_LOOP_FLAGS = (
     "--xla_cpu_prefer_vector_width=512",
 )
 SWITCH = "JAXGLIDER_FAST_LOOPS"
-_TRIED = ("0.10.",)
+_TRIED = ("0.10.", "0.12.")
 _PROBE = "import jax; jax.jit(lambda x: x + 1)(1.0).block_until_ready()"
 
 
