@@ -22,6 +22,8 @@ from tuning.tables import outcome
 from tuning.task import Task
 
 _UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
+_HELD_OUT = "The figures are of test members that neither descent nor choice has seen."
+_SAME = "The figures are of the one case tuned on: nothing is held out."
 _MEASURES = {"rms_error": "L2[e]", "rms_effort": "L2[U]", "chattering": "L2[dU]"}
 
 
@@ -110,7 +112,7 @@ def text_report(result: dict[str, Any]) -> str:
         f"{result['method']}, {result['steps']} steps "
         f"({result['refused']} refused) on "
         f"{members['training']} members, {result['seconds']:.0f} s",
-        f"held-out test, {members['test']} members:",
+        _judged_on(members),
         f"{'':<16}"
         + "".join(f"{m:>22}" for m in _MEASURES.values())
         + f"{'better':>10}",
@@ -135,6 +137,12 @@ def text_report(result: dict[str, Any]) -> str:
         for name, gain in result["gains"].items()
     ]
     return "\n".join(lines)
+
+
+def _judged_on(members: dict[str, int]) -> str:
+    if members["training"] == 1:
+        return "the nominal case, the very one tuned on:"
+    return f"held-out test, {members['test']} members:"
 
 
 def _arrow(before: float | None, after: float | None) -> str:
@@ -288,12 +296,11 @@ def _markdown(result: dict[str, Any], settling: list[str]) -> str:
         f"# Tuning {result['controller']}: {result['scenario']} on {result['plant']}\n",
         f"{result['steps']} steps, {result['refused']} refused, "
         f"{result['seconds']:.0f} s. The gains are those best on the validation "
-        "members; the figures below are of test members that neither descent nor "
-        "choice has seen.\n",
+        f"members. {_HELD_OUT if result['members']['training'] > 1 else _SAME}\n",
     ]
     lines += [f"> {text}" for text in result["notes"]]
     lines += [
-        "\n## Held-out members, before and after\n",
+        f"\n## {_judged_on(result['members'])[:-1].capitalize()}\n",
         "| channel | measure | before | after | difference | 95 % interval | better |",
         "|---|---|---:|---:|---:|---|---:|",
     ]
