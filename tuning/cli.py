@@ -21,7 +21,22 @@ CONTROLLERS = ("smc", "ppc", "fxtppc")
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command and return its exit code."""
+    """Run a command and return its exit code.
+
+    Args:
+        arguments: of the command line; those of the process by default, which then
+            ends at once if it is interrupted.
+    """
+    code = _run(arguments)
+    if code == INTERRUPTED and arguments is None:
+        # JAX interrupted while it compiles crashes when the interpreter is torn down.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
+
+
+def _run(arguments: list[str] | None) -> int:
     parser = _parser()
     options = parser.parse_args(arguments)
     if options.command is None:
@@ -367,8 +382,6 @@ def start_jax(precision: int) -> None:
     import jax
 
     jax.config.update("jax_enable_x64", precision == 64)
-    # An interruption while a program still runs in the background ends in a crash.
-    jax.config.update("jax_cpu_enable_async_dispatch", False)
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         jax.config.update("jax_compilation_cache_dir", str(cache_folder() / "programs"))
 
