@@ -144,7 +144,9 @@ def make_scenario(
     data = load_vehicle(vehicle)
     start = GliderState.at_rest(east=3.0 if scenario == "waypoints" else 0.0)
     return Scenario(
-        Clock.lasting(duration or DURATION[scenario], dt, substeps),
+        Clock.lasting(
+            DURATION[scenario] if duration is None else duration, dt, substeps
+        ),
         PLANTS[plant](data.parameters),
         each(Actuator, data.limits),
         disturbance(),
