@@ -23,7 +23,6 @@ from jaxglider.references import LineOfSight as LineOfSight
 from jaxglider.references import Schedule as Schedule
 from jaxglider.references import WaypointPath as WaypointPath
 from jaxglider.rollout import ClosedLoop as ClosedLoop
-from jaxglider.rollout import Trajectory as Trajectory
 from jaxglider.rollout import evaluate as evaluate
 from jaxglider.rollout import simulate as simulate
 from jaxglider.scenario import Clock as Clock
@@ -32,6 +31,7 @@ from jaxglider.signals import BodyAxes as BodyAxes
 from jaxglider.signals import Channels as Channels
 from jaxglider.signals import Command as Command
 from jaxglider.signals import GliderState as GliderState
+from jaxglider.trajectory import Trajectory as Trajectory
 from jaxglider.transform import ErrorTransformation as ErrorTransformation
 from jaxglider.vehicle.actuators import Actuator as Actuator
 from jaxglider.vehicle.design_model import DesignModel as DesignModel

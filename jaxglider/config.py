@@ -51,12 +51,14 @@ class Mission:
         loop: the closed loop.
         seed: of the sea.
         controller: name of its kind.
+        plant: name of its kind.
     """
 
     name: str
     loop: ClosedLoop
     seed: int
     controller: str
+    plant: str
 
 
 def load_mission(path: str | Path) -> Mission:
@@ -89,9 +91,8 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
         raise ConfigError(f"seed must be in [0, {SEEDS}); received {seed}.")
     vehicle_table = top.table("vehicle")
     vehicle = read_vehicle(vehicle_table, folder)
-    make_plant = choice(
-        vehicle_table.text("plant", "printed"), paper.PLANTS, "vehicle.plant"
-    )
+    plant_name = vehicle_table.text("plant", "printed")
+    make_plant = choice(plant_name, paper.PLANTS, "vehicle.plant")
     factor = vehicle_table.number("design_factor", paper.DESIGN_FACTOR)
     vehicle_table.close()
     plant = make_plant(vehicle.parameters)
@@ -112,7 +113,8 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     table = top.table("observer")
     observer = decode_observer(table.rest(), kind, model, observer)
     top.close()
-    return Mission(name, ClosedLoop(scenario, controller, observer), seed, kind)
+    loop = ClosedLoop(scenario, controller, observer)
+    return Mission(name, loop, seed, kind, plant_name)
 
 
 def decode_observer(table: Any, controller: str, model: Any, given: Any = None) -> Any:

@@ -21,7 +21,7 @@ import netCDF4
 import numpy as np
 
 from jaxglider.metrics import Metrics
-from jaxglider.rollout import TickRecord, Trajectory
+from jaxglider.trajectory import TickRecord, Trajectory
 
 _CHANNEL_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
 _COMMAND_UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
@@ -115,6 +115,9 @@ def metrics_dict(metrics: Metrics, *, has_waypoints: bool) -> dict[str, Any]:
         name: {key: _plain(value) for key, value in vars(channel).items()}
         for name, channel in vars(metrics.channels).items()
     }
+    for channel in channels.values():
+        # Zero says that the funnel never settled, and would read as perfect.
+        channel["max_error_settled"] = channel["max_error_settled"] or None
     return {
         "end_time_s": _plain(metrics.end_time),
         "finite": bool(metrics.finite),

@@ -15,7 +15,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jaxglider._types import Scalar, Series
-from jaxglider.controllers.base import AbstractController, Limits
+from jaxglider.controllers.base import AbstractController
 from jaxglider.integrate import RK4, runge_kutta_step
 from jaxglider.metrics import Metrics, Sums, add_tick, empty_sums, finish
 from jaxglider.observer import AbstractObserver
@@ -30,44 +30,8 @@ from jaxglider.signals import (
     each,
     zeros,
 )
+from jaxglider.trajectory import TickRecord, Trajectory
 from jaxglider.vehicle.actuators import follow_all
-
-
-class TickRecord(eqx.Module):
-    """One tick as it was; a trajectory is this with a leading time axis.
-
-    Attributes:
-        time: start of the tick [s].
-        active: the mission was still on.
-        state: at the start of the tick.
-        reference: η_d [m, rad].
-        error: η − η_d [m, rad].
-        limits: edges of the funnel [m, rad].
-        surface: the controller's sliding variable.
-        wanted: command asked for.
-        applied: command held.
-        estimate: d̂ at the start of the tick [N, N m].
-        lumped: what d̂ should be [N, N m]: the mean over the tick of what the design
-            model leaves unexplained (the disturbance itself without a design model).
-        disturbance: τ_d at the start of the tick [N, N m].
-        target: waypoint or segment being followed.
-        clock: t*, time since the funnel's restart [s].
-    """
-
-    time: Scalar
-    active: jax.Array
-    state: GliderState
-    reference: Channels[Scalar]
-    error: Channels[Scalar]
-    limits: Channels[Limits]
-    surface: Channels[Scalar]
-    wanted: Command[Scalar]
-    applied: Command[Scalar]
-    estimate: BodyAxes[Scalar]
-    lumped: BodyAxes[Scalar]
-    disturbance: BodyAxes[Scalar]
-    target: jax.Array
-    clock: Scalar
 
 
 class Carry(eqx.Module):
@@ -250,18 +214,6 @@ def _hold_when_finished(before: Carry, after: Carry) -> Carry:
     return eqx.tree_at(
         lambda c: (c.finished, c.reached), held, (after.finished, after.reached)
     )
-
-
-class Trajectory(eqx.Module):
-    """A rollout tick by tick.
-
-    Attributes:
-        ticks: records with a leading time axis.
-        metrics: its measures.
-    """
-
-    ticks: TickRecord
-    metrics: Metrics
 
 
 def simulate(loop: ClosedLoop, sea: BodyAxes[Float[Array, " n"]]) -> Trajectory:

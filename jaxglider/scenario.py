@@ -13,6 +13,9 @@ from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.plant import AbstractPlant
 
+MAX_TICKS = 1e8
+"""More ticks than this would not fit in memory."""
+
 
 class Clock(Container):
     """The control tick and how long a run lasts.
@@ -37,9 +40,21 @@ class Clock(Container):
 
     @classmethod
     def lasting(cls, duration: float, dt: float = 0.05, substeps: int = 1) -> "Clock":
-        """A clock for a duration [s], a whole number of ticks (rounded up)."""
+        """A clock for a duration [s], a whole number of ticks (rounded up).
+
+        Raises:
+            ValueError: a number is not positive, or the run has too many ticks.
+        """
         check_interval("Clock", "duration", duration, 0.0)
         check_interval("Clock", "dt", dt, 0.0, duration, closed_high=True)
+        check_interval(
+            "Clock",
+            "ticks",
+            duration / dt,
+            high=MAX_TICKS,
+            closed_high=True,
+            remedy="Shorten the run or lengthen the tick.",
+        )
         return cls(math.ceil(duration / dt - 1e-6), dt, substeps)
 
     def times(self) -> Series:

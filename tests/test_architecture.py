@@ -16,7 +16,7 @@ LAYERS = (
     ("numerics", "frames", "integrate", "_types", "_compile"),
     ("signals", "vehicle", "disturbances", "performance", "transform"),
     ("references", "observer", "controllers"),
-    ("scenario", "rollout", "ensemble", "metrics"),
+    ("scenario", "rollout", "trajectory", "ensemble", "metrics"),
     ("paper",),
 )
 HOST = len(LAYERS)

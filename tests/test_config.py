@@ -342,7 +342,7 @@ def test_waypoints_without_an_east_are_refused(tmp_path):
 )
 def test_a_run_that_cannot_fit_is_refused(clock, tmp_path):
     message = _refusal({"clock": clock}, tmp_path)
-    assert "at most 1e+08 ticks" in message
+    assert "Clock.ticks must be at most 1e+08" in message
     assert "Shorten the run or lengthen the tick." in message
 
 

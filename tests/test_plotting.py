@@ -22,8 +22,8 @@ from jaxglider.performance import ExponentialFunction, HalfSechFunction, SechFun
 from jaxglider.plotting._series import MAX_POINTS, break_jumps, keep_extremes
 from jaxglider.plotting._style import look, styles
 from jaxglider.plotting.files import save
-from jaxglider.rollout import TickRecord, Trajectory
 from jaxglider.signals import BodyAxes, Channels, Command, GliderState, each
+from jaxglider.trajectory import TickRecord, Trajectory
 
 DT = 0.05
 

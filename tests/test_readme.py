@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tuning.cli import _parser
+from tuning.options import parser
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
 
@@ -43,7 +43,7 @@ def test_every_command_named_parses():
     assert len(named) >= 6
     for text in named:
         try:
-            options = _parser().parse_args(shlex.split(text))
+            options = parser().parse_args(shlex.split(text))
         except SystemExit:
             pytest.fail(f"README names a command that does not parse: {text}")
         assert options.command == text.split()[0]

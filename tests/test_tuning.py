@@ -21,8 +21,8 @@ from tuning.members import (
     with_member,
 )
 from tuning.objective import Aggregate, Objective, Weights, scattered
-from tuning.report import paired
 from tuning.space import Space
+from tuning.verdict import paired
 
 K1_AND_K2 = ("controller.gains.*.k1", "controller.gains.*.k2")
 ALONE = jnp.zeros((1, 1))

@@ -3,7 +3,6 @@
 import argparse
 import copy
 import dataclasses
-import json
 import sys
 from operator import attrgetter
 from typing import Any
@@ -15,7 +14,7 @@ import jax.numpy as jnp
 from jaxglider.io import provenance
 from jaxglider.rollout import evaluate
 from tuning.gradient_check import check_gradient, saturation
-from tuning.gradient_comparison import compare_horizons, compare_smoothing_family
+from tuning.gradient_comparison import compare_horizons, compare_smoothing
 from tuning.gradient_text import (
     comparison_to_dict,
     render,
@@ -24,6 +23,7 @@ from tuning.gradient_text import (
 )
 from tuning.members import nominal_member, with_member
 from tuning.progress import Progress, note
+from tuning.runs import print_result
 from tuning.task import Task, build_task
 
 OK = 0
@@ -53,24 +53,20 @@ def check(options: argparse.Namespace) -> int:
         progress.show("comparing horizons and smoothing widths ...")
         comparisons = [
             compare_horizons(_by_horizon(options, task), free),
-            compare_smoothing_family(
+            compare_smoothing(
                 lambda x, delta: _with_smoothing(task, delta).loss(x, member),
                 SMOOTHING,
                 free,
             ),
         ]
     progress.clear()
-    if options.json:
-        result = {
-            "report": to_dict(report),
-            "comparisons": [comparison_to_dict(c) for c in comparisons],
-            "provenance": provenance(command=sys.argv[1:], precision=options.precision),
-        }
-        json.dump(result, sys.stdout, indent=2, allow_nan=False)
-        sys.stdout.write("\n")
-        return OK
+    result = {
+        "report": to_dict(report),
+        "comparisons": [comparison_to_dict(c) for c in comparisons],
+        "provenance": provenance(command=sys.argv[1:], precision=options.precision),
+    }
     texts = [render(report), *(render_comparison(c) for c in comparisons)]
-    sys.stdout.write("\n\n".join(texts) + "\n")
+    print_result(result, "\n\n".join(texts), as_json=options.json)
     return OK
 
 

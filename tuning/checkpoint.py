@@ -13,6 +13,8 @@ import numpy as np
 from jaxglider.io import replacing
 from tuning.descent import State, Step
 
+_BROKEN = (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile)
+
 
 class Checkpoint:
     """The last state of a descent and its history, in one file."""
@@ -39,6 +41,32 @@ class Checkpoint:
         with replacing(self._path) as temporary:
             np.savez(temporary, about=about, **leaves)
 
+    def about(self) -> dict[str, Any]:
+        """Fingerprint and steps, read without anything compiled.
+
+        Raises:
+            ValueError: there is no checkpoint, it is broken, or it belongs to another
+                configuration.
+        """
+        if not self._path.exists():
+            raise ValueError(f"--resume: no {self._path}; run without --resume.")
+        try:
+            with np.load(self._path) as data:
+                about: dict[str, Any] = json.loads(str(data["about"]))
+        except _BROKEN as error:
+            raise self._unreadable(error) from error
+        if about["fingerprint"] != self._fingerprint:
+            raise ValueError(
+                f"--resume: {self._path} was made with other options; repeat those, "
+                "or run without --resume."
+            )
+        return about
+
+    def _unreadable(self, error: Exception) -> ValueError:
+        return ValueError(
+            f"--resume: {self._path} cannot be read ({error}); run without --resume."
+        )
+
     def load(self, like: State) -> tuple[State, list[Step]]:
         """The last state and its history.
 
@@ -49,23 +77,13 @@ class Checkpoint:
             ValueError: there is no checkpoint, it is broken, or it belongs to another
                 configuration.
         """
-        if not self._path.exists():
-            raise ValueError(f"--resume: no {self._path}; run without --resume.")
+        about = self.about()
         old, structure = jax.tree.flatten(like)
         try:
             with np.load(self._path) as data:
-                about: dict[str, Any] = json.loads(str(data["about"]))
                 new = [jnp.asarray(data[f"leaf{i}"]) for i in range(len(old))]
-        except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile) as error:
-            raise ValueError(
-                f"--resume: {self._path} cannot be read ({error}); "
-                "run without --resume."
-            ) from error
-        if about["fingerprint"] != self._fingerprint:
-            raise ValueError(
-                f"--resume: {self._path} was made with other options; repeat those, "
-                "or run without --resume."
-            )
+        except _BROKEN as error:
+            raise self._unreadable(error) from error
         steps = [
             Step(**{**row, "free": jnp.asarray(row["free"], like.free.dtype)})
             for row in about["steps"]

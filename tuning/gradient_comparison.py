@@ -50,7 +50,9 @@ def compare_horizons(losses: Mapping[float, Loss], free: Any) -> Comparison:
         losses: J by horizon [s].
         free: the free numbers.
     """
-    at, values, gradients = _slopes(losses, free)
+    at, free = np.asarray(sorted(losses), dtype=float), jnp.asarray(free)
+    rows = [jax.jit(jax.value_and_grad(losses[horizon]))(free) for horizon in at]
+    values, gradients = map(np.asarray, zip(*jax.device_get(rows), strict=True))
     norms = np.linalg.norm(gradients, axis=1)
     verdict = "not finite on some horizon: do not trust it there"
     if np.all(np.isfinite(norms)):
@@ -67,20 +69,10 @@ def compare_horizons(losses: Mapping[float, Loss], free: Any) -> Comparison:
     return Comparison("horizon [s]", at, values, gradients, verdict)
 
 
-def compare_smoothing(losses: Mapping[float, Loss], free: Any) -> Comparison:
-    """How far the smoothing width decides J and its gradient; one program per width.
-
-    Args:
-        losses: J by smoothing width δ.
-        free: the free numbers.
-    """
-    return _judge_smoothing(*_slopes(losses, free))
-
-
-def compare_smoothing_family(
+def compare_smoothing(
     loss: Callable[[Any, Any], Any], widths: Sequence[float], free: Any
 ) -> Comparison:
-    """The same with one program for all widths.
+    """How far the smoothing width decides J and its gradient.
 
     Args:
         loss: J of the free numbers and of the smoothing width.
@@ -96,15 +88,6 @@ def compare_smoothing_family(
 
     values, gradients = jax.device_get(slope(jnp.asarray(at, free.dtype)))
     return _judge_smoothing(at, np.asarray(values), np.asarray(gradients))
-
-
-def _slopes(
-    losses: Mapping[float, Loss], free: Any
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    at, free = sorted(losses), jnp.asarray(free)
-    rows = [jax.device_get(jax.jit(jax.value_and_grad(losses[a]))(free)) for a in at]
-    values, gradients = zip(*rows, strict=True)
-    return np.asarray(at, dtype=float), np.asarray(values), np.asarray(gradients)
 
 
 def _judge_smoothing(

@@ -8,100 +8,21 @@ from typing import Any
 import jax
 import numpy as np
 from matplotlib.figure import Figure
-from scipy import stats
 
 from jaxglider.controllers import FxTPPC
-from jaxglider.io import metrics_dict, replacing, write_text
-from jaxglider.metrics import Metrics
+from jaxglider.io import replacing, write_text
 from jaxglider.plotting import errors
-from jaxglider.rollout import ClosedLoop, Trajectory, simulate
+from jaxglider.rollout import ClosedLoop, simulate
+from jaxglider.trajectory import Trajectory
 from tuning.descent import Step
-from tuning.members import nominal_member
 from tuning.objective import CHANNELS
-from tuning.tables import outcome
+from tuning.tables import figure, outcome
 from tuning.task import Task
+from tuning.verdict import MEASURES
 
 _UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
 _HELD_OUT = "The figures are of test members that neither descent nor choice has seen."
 _SAME = "The figures are of the one case tuned on: nothing is held out."
-_MEASURES = {"rms_error": "L2[e]", "rms_effort": "L2[U]", "chattering": "L2[dU]"}
-
-
-def verdict(task: Task, tuned: ClosedLoop) -> dict[str, Any]:
-    """Before against after on the nominal case and on the held-out test members."""
-    run = task.on_members()
-    loops = {"before": task.loop, "after": tuned}
-    nominal = {name: run(at, nominal_member(task.loop)) for name, at in loops.items()}
-    held_out = {name: jax.device_get(run(at, task.test)) for name, at in loops.items()}
-    has_waypoints = task.loop.scenario.reference.can_finish
-    return {
-        "nominal": {
-            name: metrics_dict(_one(m, 0), has_waypoints=has_waypoints)
-            for name, m in nominal.items()
-        },
-        "held_out": {
-            channel: {
-                measure: paired(
-                    _column(held_out["before"], channel, measure),
-                    _column(held_out["after"], channel, measure),
-                )
-                for measure in _MEASURES
-            }
-            for channel in CHANNELS
-        },
-        "counts": {name: _counts(m) for name, m in held_out.items()},
-    }
-
-
-def paired(before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
-    """Paired comparison of one measure on the same members.
-
-    Args:
-        before: of each member.
-        after: of each member.
-
-    Returns:
-        Means, mean difference with its 95 % Student interval (None for one member),
-        how many members improved, and how many pairs were finite.
-    """
-    usable = np.isfinite(before) & np.isfinite(after)
-    old, new = before[usable].astype(float), after[usable].astype(float)
-    if not len(old):
-        return {"pairs": 0, "before": None, "after": None, "better": 0} | {
-            "difference": None,
-            "interval": None,
-        }
-    difference = new - old
-    interval = None
-    if len(old) > 1:
-        half = stats.t.ppf(0.975, len(old) - 1) * stats.sem(difference)
-        interval = [float(difference.mean() - half), float(difference.mean() + half)]
-    return {
-        "pairs": len(old),
-        "before": float(old.mean()),
-        "after": float(new.mean()),
-        "better": int(np.sum(difference < 0.0)),
-        "difference": float(difference.mean()),
-        "interval": interval,
-    }
-
-
-def _one(metrics: Metrics, number: int) -> Metrics:
-    return jax.tree.map(lambda x: x[number], metrics)
-
-
-def _column(metrics: Metrics, channel: str, measure: str) -> np.ndarray:
-    return np.asarray(getattr(getattr(metrics.channels, channel), measure))
-
-
-def _counts(metrics: Metrics) -> dict[str, int]:
-    outside = sum(_column(metrics, c, "time_outside_funnel") > 0.0 for c in CHANNELS)
-    return {
-        "members": len(np.asarray(metrics.finite)),
-        "not_finite": int(np.sum(~np.asarray(metrics.finite))),
-        "capsized": int(np.sum(np.asarray(metrics.capsized))),
-        "outside_funnel": int(np.sum(outside > 0)),
-    }
 
 
 def text_report(result: dict[str, Any]) -> str:
@@ -114,12 +35,12 @@ def text_report(result: dict[str, Any]) -> str:
         f"{members['training']} members, {result['seconds']:.0f} s",
         _judged_on(members),
         f"{'':<16}"
-        + "".join(f"{m:>22}" for m in _MEASURES.values())
+        + "".join(f"{m:>22}" for m in MEASURES.values())
         + f"{'better':>10}",
     ]
     for channel, unit in _UNITS.items():
         cells = ""
-        for measure in _MEASURES:
+        for measure in MEASURES:
             row = result["held_out"][channel][measure]
             cells += f"{_arrow(row['before'], row['after']):>22}"
         row = result["held_out"][channel]["rms_error"]
@@ -146,8 +67,7 @@ def _judged_on(members: dict[str, int]) -> str:
 
 
 def _arrow(before: float | None, after: float | None) -> str:
-    old, new = ("-" if v is None else f"{v:.4f}" for v in (before, after))
-    return f"{old} -> {new}"
+    return f"{figure(before)} -> {figure(after)}"
 
 
 def history_table(task: Task, history: list[Step]) -> str:
@@ -191,9 +111,9 @@ def write_report(
         "gains.png": _gains_figure(task, history),
         "errors.png": _errors_figure(runs),
     }
-    for name, figure in figures.items():
+    for name, drawn in figures.items():
         with replacing(out / name) as temporary:
-            figure.savefig(temporary, dpi=150)
+            drawn.savefig(temporary, dpi=150)
     settling = _settling_table(tuned, runs)
     write_text(out / "report.md", _markdown(result, settling))
 
@@ -305,7 +225,7 @@ def _markdown(result: dict[str, Any], settling: list[str]) -> str:
         "|---|---|---:|---:|---:|---|---:|",
     ]
     for channel, unit in _UNITS.items():
-        for measure, title in _MEASURES.items():
+        for measure, title in MEASURES.items():
             row = result["held_out"][channel][measure]
             span = row["interval"]
             words = "-" if span is None else f"[{span[0]:.3g}, {span[1]:.3g}]"

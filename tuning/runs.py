@@ -5,13 +5,14 @@ import dataclasses
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import jax
 
 from jaxglider import paper
+from jaxglider._toml import read_toml
 from jaxglider.config import load_gains, load_mission, start_warnings
 from jaxglider.io import (
     metrics_dict,
@@ -22,7 +23,8 @@ from jaxglider.io import (
     write_trajectories,
 )
 from jaxglider.plotting import save_all
-from jaxglider.rollout import ClosedLoop, Trajectory, simulate
+from jaxglider.rollout import ClosedLoop, simulate
+from jaxglider.trajectory import Trajectory
 from jaxglider.vehicle.plant import SmallAnglePlant
 from tuning.progress import Progress, note
 from tuning.tables import markdown_tables, text_table
@@ -33,12 +35,13 @@ _LABELS = {"smc": "SMC", "ppc": "PPC", "fxtppc": "FxTPPC"}
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
-    """One run to make: where, by whom, and the closed loop."""
+    """One run to make: where, by whom, the loop, and whether the paper has the case."""
 
     scenario: str
     plant: str
     controller: str
     loop: ClosedLoop
+    published: bool = True
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,6 +57,7 @@ class Done:
             "scenario": self.entry.scenario,
             "plant": self.entry.plant,
             "controller": self.entry.controller,
+            "published_case": self.entry.published,
             **metrics_dict(
                 self.trajectory.metrics,
                 has_waypoints=self.entry.loop.scenario.reference.can_finish,
@@ -65,9 +69,20 @@ def compare(options: argparse.Namespace) -> int:
     """`jaxglider compare`: the paper's cases under the same sea."""
     scenarios = paper.SCENARIOS if options.scenario == "all" else (options.scenario,)
     entries = [e for s in scenarios for e in _paper_entries(options, s)]
+    for path in dict.fromkeys(options.gains):
+        _note_origin(path, scenarios, options.plant)
     check_writable(options.out)
-    done, interrupted = run_all(entries, seed=0, quiet=False)
+    done, interrupted = run_all(entries, seed=0)
     return _report(options, done, interrupted, seed=0)
+
+
+def _note_origin(path: Path, scenarios: Sequence[str], plant: str) -> None:
+    """Say so where gains meet another task than the one they were tuned for."""
+    origin = read_toml(path).get("provenance", {})
+    if not {"scenario", "plant"} <= set(origin):
+        return
+    if origin["plant"] != plant or set(scenarios) != {origin["scenario"]}:
+        note(f"{path} was tuned for {origin['scenario']} on {origin['plant']}.")
 
 
 def _paper_entries(options: argparse.Namespace, scenario: str) -> Iterator[Entry]:
@@ -101,18 +116,19 @@ def simulate_mission(options: argparse.Namespace) -> int:
     for warning in start_warnings(mission.loop):
         note(f"warning: {warning}")
     seed = mission.seed if options.seed is None else options.seed
-    entry = Entry(mission.name, "as configured", mission.controller, mission.loop)
-    done, interrupted = run_all([entry], seed=seed, quiet=False)
+    entry = Entry(
+        mission.name, mission.plant, mission.controller, mission.loop, published=False
+    )
+    done, interrupted = run_all([entry], seed=seed)
     return _report(options, done, interrupted, seed)
 
 
-def run_all(entries: list[Entry], seed: int, quiet: bool) -> tuple[list[Done], bool]:
+def run_all(entries: list[Entry], seed: int) -> tuple[list[Done], bool]:
     """Run the entries one after the other; an interruption keeps what is done.
 
     Args:
         entries: what to run.
         seed: of the sea, the same for all.
-        quiet: no progress.
 
     Returns:
         The runs made, and whether they were interrupted.
@@ -121,11 +137,10 @@ def run_all(entries: list[Entry], seed: int, quiet: bool) -> tuple[list[Done], b
     progress, done = Progress(), []
     try:
         for number, entry in enumerate(entries, 1):
-            if not quiet:
-                progress.show(
-                    f"{number}/{len(entries)} {entry.scenario}, {entry.controller}: "
-                    "compiling and running ..."
-                )
+            progress.show(
+                f"{number}/{len(entries)} {entry.scenario}, {entry.controller}: "
+                "compiling and running ..."
+            )
             sea = entry.loop.scenario.sea(jax.random.key(seed))
             done.append(Done(entry, jax.device_get(run(entry.loop, sea))))
     except KeyboardInterrupt:

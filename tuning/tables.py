@@ -107,7 +107,7 @@ def _markdown_group(group: list[dict[str, Any]]) -> list[str]:
 
 def _is_printed(run: dict[str, Any]) -> bool:
     """Whether the paper has a column for a run: not for a mission of the same name."""
-    return run["plant"] in paper.PLANTS and run["controller"] in paper.CONTROLLERS
+    return run["published_case"] and run["controller"] in paper.CONTROLLERS
 
 
 def _printed(run: dict[str, Any], channel: str, row: str) -> float | None:

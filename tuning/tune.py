@@ -19,9 +19,10 @@ from tuning.black_box import black_box
 from tuning.checkpoint import Checkpoint
 from tuning.descent import Descent, Settings, Step
 from tuning.progress import Progress, note
-from tuning.report import history_table, text_report, verdict, write_report
-from tuning.runs import check_writable
+from tuning.report import history_table, text_report, write_report
+from tuning.runs import check_writable, print_result
 from tuning.task import Task, build_task
+from tuning.verdict import verdict
 
 OK, RUN_FAILED, INTERRUPTED = 0, 1, 130
 _CONTINUES = ("steps", "out", "resume", "json", "debug", "command")
@@ -36,6 +37,9 @@ def tune(options: argparse.Namespace) -> int:
         patience=options.patience,
         seed=options.seed,
     )
+    checkpoint = Checkpoint(options.out / "checkpoint.npz", fingerprint(options))
+    if options.resume:
+        checkpoint.about()
     check_writable(options.out)
     begun = time.monotonic()
     progress = Progress()
@@ -47,7 +51,6 @@ def tune(options: argparse.Namespace) -> int:
     descent = Descent(
         task.loss, task.training, task.validation, settings, task.aggregate
     )
-    checkpoint = Checkpoint(options.out / "checkpoint.npz", fingerprint(options))
     try:
         if options.method == "gradient":
             progress.show("compiling the gradient ...")
@@ -69,11 +72,7 @@ def tune(options: argparse.Namespace) -> int:
     result["seconds"] = round(time.monotonic() - begun, 1)
     result["provenance"]["partial"] = interrupted
     _write(options.out, task, tuned, history, result)
-    if options.json:
-        json.dump(result, sys.stdout, indent=2, allow_nan=False)
-        sys.stdout.write("\n")
-    else:
-        sys.stdout.write(text_report(result) + "\n")
+    print_result(result, text_report(result), as_json=options.json)
     note(f"{options.out}: gains.toml, history.csv, tune.json and report.md.")
     return INTERRUPTED if interrupted else OK
 
@@ -89,9 +88,9 @@ def fingerprint(options: argparse.Namespace) -> str:
 
 
 def _content(value: Any) -> Any:
-    """A file counts by what it holds, not by its name."""
+    """A file counts by what it holds; a missing one is refused where it is read."""
     if isinstance(value, Path):
-        return value.read_text()
+        return value.read_text() if value.is_file() else str(value)
     return list(value) if isinstance(value, list | tuple) else value
 
 

@@ -22,7 +22,7 @@ from jaxglider.signals import (
     each,
     output_rates,
 )
-from jaxglider.transform import ErrorTransformation
+from jaxglider.transform import ErrorTransformation, TransformedError
 from jaxglider.vehicle.design_model import DesignModel
 
 
@@ -46,7 +46,10 @@ class ControlRecord(eqx.Module):
 
 
 class AbstractController(Container):
-    """A control law. Its array fields are its gains: what is tuned."""
+    """A control law. Its array fields are its gains: what is tuned.
+
+    A law with a field `funnel` is judged by that funnel; one without has no bounds.
+    """
 
     @abstractmethod
     def init(self) -> Any:
@@ -76,12 +79,22 @@ class AbstractController(Container):
         """
 
     def bounds(self, clock: Scalar) -> Channels[Bound]:
-        """Performance functions t* [s] after the funnel's restart; infinite here."""
-        return Channels(unbounded(clock), unbounded(clock), unbounded(clock))
+        """P, P', P'' of the field `funnel` at t* [s]; infinite without such a field."""
+        funnel = getattr(self, "funnel", None)
+        if funnel is None:
+            return Channels(*(unbounded(clock),) * 3)
+        return each(lambda p: p(clock), funnel.performance)
 
     def limits(self, bounds: Channels[Bound]) -> Channels[Limits]:
-        """The edges within which the errors should stay."""
-        return each(lambda b: Limits(-b.value, b.value), bounds)
+        """The edges within which the errors should stay, −δ_L P and δ_R P."""
+        funnel = getattr(self, "funnel", None)
+        if funnel is None:
+            return each(lambda b: Limits(-b.value, b.value), bounds)
+        return each(
+            lambda b, t: Limits(-t.lower * b.value, t.upper * b.value),
+            bounds,
+            funnel.transformation,
+        )
 
 
 class Funnel(Container):
@@ -95,16 +108,15 @@ class Funnel(Container):
     performance: Channels[AbstractPerformanceFunction]
     transformation: Channels[ErrorTransformation]
 
-    def bounds(self, clock: Scalar) -> Channels[Bound]:
-        """P, P', P'' of each channel at t* [s]."""
-        return each(lambda p: p(clock), self.performance)
-
-    def limits(self, bounds: Channels[Bound]) -> Channels[Limits]:
-        """−δ_L P and δ_R P of each channel."""
+    def transform(
+        self,
+        error: Channels[Scalar],
+        rate: Channels[Scalar],
+        bounds: Channels[Bound],
+    ) -> Channels[TransformedError]:
+        """ε, ε', κ and λ of each channel."""
         return each(
-            lambda b, t: Limits(-t.lower * b.value, t.upper * b.value),
-            bounds,
-            self.transformation,
+            lambda t, e, e1, b: t(e, e1, b), self.transformation, error, rate, bounds
         )
 
 

@@ -21,7 +21,6 @@ from jaxglider.controllers.base import (
     AbstractController,
     ControlRecord,
     Funnel,
-    Limits,
     allocate,
     check_positive,
     default_damping,
@@ -122,14 +121,6 @@ class FxTPPC(AbstractController):
         zero = jnp.zeros_like(self.smoothing)
         return Channels(zero, zero, zero)
 
-    def bounds(self, clock: Scalar) -> Channels[Bound]:
-        """Of its funnel."""
-        return self.funnel.bounds(clock)
-
-    def limits(self, bounds: Channels[Bound]) -> Channels[Limits]:
-        """Edges of its funnel."""
-        return self.funnel.limits(bounds)
-
     def step(
         self,
         state: Channels[Scalar],
@@ -140,13 +131,7 @@ class FxTPPC(AbstractController):
     ) -> tuple[Command[Scalar], Channels[Scalar], ControlRecord]:
         """One tick; the integral is updated after the command is computed."""
         error, rate = tracking_error(measurement, reference)
-        transformed = each(
-            lambda t, e, e1, b: t(e, e1, b),
-            self.funnel.transformation,
-            error,
-            rate,
-            bounds,
-        )
+        transformed = self.funnel.transform(error, rate, bounds)
         law = each(self._channel, self.gains, transformed, state)
         demand = each(
             lambda acceleration, t, c: (

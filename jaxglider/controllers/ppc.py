@@ -12,7 +12,6 @@ from jaxglider.controllers.base import (
     AbstractController,
     ControlRecord,
     Funnel,
-    Limits,
     allocate,
     check_positive,
     default_damping,
@@ -60,14 +59,6 @@ class PPC(AbstractController):
         """It has no memory."""
         return None
 
-    def bounds(self, clock: Scalar) -> Channels[Bound]:
-        """Of its funnel."""
-        return self.funnel.bounds(clock)
-
-    def limits(self, bounds: Channels[Bound]) -> Channels[Limits]:
-        """Edges of its funnel."""
-        return self.funnel.limits(bounds)
-
     def step(
         self,
         state: None,
@@ -78,13 +69,7 @@ class PPC(AbstractController):
     ) -> tuple[Command[Scalar], None, ControlRecord]:
         """One tick of the law."""
         error, rate = tracking_error(measurement, reference)
-        transformed = each(
-            lambda t, e, e1, b: t(e, e1, b),
-            self.funnel.transformation,
-            error,
-            rate,
-            bounds,
-        )
+        transformed = self.funnel.transform(error, rate, bounds)
         surface = each(lambda l0, t: t.rate + l0 * t.value, self.l0, transformed)
         demand = each(
             lambda acceleration, t, q, margin, l2: (

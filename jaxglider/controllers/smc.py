@@ -13,7 +13,6 @@ from jaxglider.controllers.base import (
     AbstractController,
     ControlRecord,
     Funnel,
-    Limits,
     allocate,
     check_positive,
     default_damping,
@@ -55,20 +54,6 @@ class SMC(AbstractController):
     def init(self) -> None:
         """It has no memory."""
         return None
-
-    def bounds(self, clock: Scalar) -> Channels[Bound]:
-        """Of the funnel it is judged against; infinite without one."""
-        if self.funnel is None:
-            return super().bounds(clock)
-        return self.funnel.bounds(clock)
-
-    def limits(self, bounds: Channels[Bound]) -> Channels[Limits]:
-        """Edges of the funnel it is judged against."""
-        return (
-            super().limits(bounds)
-            if self.funnel is None
-            else self.funnel.limits(bounds)
-        )
 
     def step(
         self,

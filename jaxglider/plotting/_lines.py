@@ -19,7 +19,7 @@ from jaxglider.plotting._series import (
     restlessness,
 )
 from jaxglider.plotting._style import Style
-from jaxglider.rollout import Trajectory
+from jaxglider.trajectory import Trajectory
 
 UNITS: dict[str, Callable[[Any], np.ndarray]] = {
     "depth": drawable,

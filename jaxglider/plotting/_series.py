@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from jaxglider.rollout import TickRecord, Trajectory
+from jaxglider.trajectory import TickRecord, Trajectory
 
 MAX_POINTS = 3000
 """Points drawn of one line; a journal column is some thousand dots wide."""

@@ -16,8 +16,8 @@ from jaxglider.plotting._style import (
     legend_above,
     styles,
 )
-from jaxglider.rollout import Trajectory
 from jaxglider.signals import Command
+from jaxglider.trajectory import Trajectory
 from jaxglider.vehicle.actuators import Actuator
 
 _BEYOND = 1.15

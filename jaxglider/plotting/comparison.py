@@ -30,7 +30,7 @@ from jaxglider.plotting._style import (
     off_scale,
     styles,
 )
-from jaxglider.rollout import TickRecord, Trajectory
+from jaxglider.trajectory import TickRecord, Trajectory
 
 _TRACKED = {
     "depth": "depth Z (m)",

@@ -24,8 +24,8 @@ from jaxglider.plotting.path import path_3d, path_plan
 from jaxglider.plotting.performance import performance_functions, settling_time
 from jaxglider.plotting.vehicle import disturbance_estimate, vehicle_state
 from jaxglider.references import WaypointPath
-from jaxglider.rollout import Trajectory
 from jaxglider.scenario import Scenario
+from jaxglider.trajectory import Trajectory
 
 
 def published_functions() -> dict[str, AbstractPerformanceFunction]:

@@ -13,7 +13,7 @@ from jaxglider.plotting._lines import run_handles
 from jaxglider.plotting._series import active_ticks, drawable, keep_extremes
 from jaxglider.plotting._style import FAINT, INK, Style, legend_above, styles
 from jaxglider.references import WaypointPath
-from jaxglider.rollout import TickRecord, Trajectory
+from jaxglider.trajectory import TickRecord, Trajectory
 
 _ROUND = np.linspace(0.0, 2.0 * np.pi, 73)
 _START: dict[str, Any] = {"marker": "o", "ms": 4, "ls": "none", "color": INK}

@@ -21,7 +21,7 @@ from jaxglider.plotting._style import (
     legend_above,
     off_scale,
 )
-from jaxglider.rollout import TickRecord, Trajectory
+from jaxglider.trajectory import TickRecord, Trajectory
 
 STATE_PANELS = 15
 _BLUE = "#0072B2"

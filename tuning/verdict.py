@@ -1,0 +1,93 @@
+"""Before against after, member by member, on a set that tuning did not see."""
+
+from typing import Any
+
+import jax
+import numpy as np
+from scipy import stats
+
+from jaxglider.io import metrics_dict
+from jaxglider.metrics import Metrics
+from jaxglider.rollout import ClosedLoop
+from tuning.members import nominal_member
+from tuning.objective import CHANNELS
+from tuning.task import Task
+
+MEASURES = {"rms_error": "L2[e]", "rms_effort": "L2[U]", "chattering": "L2[dU]"}
+
+
+def verdict(task: Task, tuned: ClosedLoop) -> dict[str, Any]:
+    """Before against after on the nominal case and on the held-out test members."""
+    run = task.on_members()
+    loops = {"before": task.loop, "after": tuned}
+    nominal = {name: run(at, nominal_member(task.loop)) for name, at in loops.items()}
+    held_out = {name: jax.device_get(run(at, task.test)) for name, at in loops.items()}
+    has_waypoints = task.loop.scenario.reference.can_finish
+    return {
+        "nominal": {
+            name: metrics_dict(_one(m, 0), has_waypoints=has_waypoints)
+            for name, m in nominal.items()
+        },
+        "held_out": {
+            channel: {
+                measure: paired(
+                    _column(held_out["before"], channel, measure),
+                    _column(held_out["after"], channel, measure),
+                )
+                for measure in MEASURES
+            }
+            for channel in CHANNELS
+        },
+        "counts": {name: _counts(m) for name, m in held_out.items()},
+    }
+
+
+def paired(before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
+    """Paired comparison of one measure on the same members.
+
+    Args:
+        before: of each member.
+        after: of each member.
+
+    Returns:
+        Means, mean difference with its 95 % Student interval (None for one member),
+        how many members improved, and how many pairs were finite.
+    """
+    usable = np.isfinite(before) & np.isfinite(after)
+    old, new = before[usable].astype(float), after[usable].astype(float)
+    if not len(old):
+        return {"pairs": 0, "before": None, "after": None, "better": 0} | {
+            "difference": None,
+            "interval": None,
+        }
+    difference = new - old
+    interval = None
+    if len(old) > 1:
+        half = stats.t.ppf(0.975, len(old) - 1) * stats.sem(difference)
+        interval = [float(difference.mean() - half), float(difference.mean() + half)]
+    return {
+        "pairs": len(old),
+        "before": float(old.mean()),
+        "after": float(new.mean()),
+        "better": int(np.sum(difference < 0.0)),
+        "difference": float(difference.mean()),
+        "interval": interval,
+    }
+
+
+def _one(metrics: Metrics, number: int) -> Metrics:
+    return jax.tree.map(lambda x: x[number], metrics)
+
+
+def _column(metrics: Metrics, channel: str, measure: str) -> np.ndarray:
+    return np.asarray(getattr(getattr(metrics.channels, channel), measure))
+
+
+def _counts(metrics: Metrics) -> dict[str, int]:
+    outside = sum(_column(metrics, c, "time_outside_funnel") > 0.0 for c in CHANNELS)
+    return {
+        "members": len(np.asarray(metrics.finite)),
+        "not_finite": int(np.sum(~np.asarray(metrics.finite))),
+        "capsized": int(np.sum(np.asarray(metrics.capsized))),
+        "outside_funnel": int(np.sum(outside > 0)),
+    }
