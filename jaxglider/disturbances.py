@@ -13,6 +13,7 @@ import jax.random as jr
 from jax import lax
 
 from jaxglider._types import Container, Scalar, Series, check_interval
+from jaxglider.numerics import sincos
 from jaxglider.signals import BodyAxes, each
 
 
@@ -69,8 +70,9 @@ class Sinusoid(AbstractDisturbance):
 
     def realise(self, key: jax.Array, times: Series) -> BodyAxes[Series]:
         """The sinusoid at each time."""
+        sine = jax.vmap(lambda angle: sincos(angle)[0])
         return each(
-            lambda a, w, p: a * jnp.sin(w * times + p),
+            lambda a, w, p: a * sine(w * times + p),
             self.amplitude,
             self.frequency,
             self.phase,

@@ -135,6 +135,8 @@ def add_tick(
     ) -> ChannelSums:
         size = jnp.abs(e)
         outside = (e < lim.lower) | (e > lim.upper)
+        # Reciprocals of the limits: often one for all lanes, an error never is.
+        nearness = jnp.maximum(e * (1.0 / lim.upper), e * (1.0 / lim.lower))
         return ChannelSums(
             s.error_squared + e * e,
             s.effort_squared + u * u,
@@ -143,8 +145,7 @@ def add_tick(
             jnp.maximum(s.max_error_settled, jnp.where(b.settled, size, 0.0)),
             s.outside + jnp.where(outside, 1.0, 0.0),
             s.saturated + jnp.where(w != u, 1.0, 0.0),
-            s.crowding
-            + jnp.maximum(jnp.maximum(e / lim.upper, e / lim.lower) - 0.8, 0) ** 2,
+            s.crowding + jnp.maximum(nearness - 0.8, 0.0) ** 2,
             s.excess + (w - u) ** 2 / (u * u + (w - u) ** 2 + 1e-12),
         )
 

@@ -196,14 +196,22 @@ def observer_root(
     return monotone_root(_left_side, steps, target, jnp.sign(target) * guess, gains)
 
 
-def _left_side(y: Scalar, gains: tuple[Scalar, Scalar, Scalar, Scalar]) -> Scalar:
+def _left_side(
+    y: Scalar, gains: tuple[Scalar, Scalar, Scalar, Scalar]
+) -> tuple[Scalar, Scalar]:
+    """y + a₁ φ₁(y) + a₂ φ₂(y) = y h(|y|) and its slope, from one chain of two roots.
+
+    With |y| smoothed, h is a sum of powers of it from −1 to 1, and
+    slope = h + (y/|y|)² (|y| dh/d|y|).
+    """
     a1, a2, stretch, smoothing = gains
-    return y + a1 * _phi1(y, stretch, smoothing) + a2 * _phi2(y, stretch, smoothing)
-
-
-def _phi1(y: Scalar, stretch: Scalar, smoothing: Scalar) -> Scalar:
-    root = jnp.sqrt(smooth_abs(y, smoothing))
-    return y * (1.0 / root + stretch * root)
+    size = smooth_abs(y, smoothing)
+    root, inverse = jnp.sqrt(size), 1.0 / size
+    near1, far1 = a1 * root * inverse, a1 * stretch * root
+    near2, far2 = 0.5 * a2 * inverse, 1.5 * a2 * stretch * stretch * size
+    h = 1.0 + 2.0 * a2 * stretch + (near1 + far1) + (near2 + far2)
+    lean = y * inverse
+    return y * h, h + lean * lean * (0.5 * (far1 - near1) + far2 - near2)
 
 
 def _phi2(y: Scalar, stretch: Scalar, smoothing: Scalar) -> Scalar:

@@ -12,10 +12,13 @@ near the edge λ grows without bound, which switches the control law u ~ 1/λ of
 recover.
 """
 
+import math
+
 import equinox as eqx
 import jax.numpy as jnp
 
 from jaxglider._types import Container, Scalar, as_float, check_interval
+from jaxglider.numerics import log2
 from jaxglider.performance import Bound
 
 
@@ -81,7 +84,7 @@ class ErrorTransformation(Container):
             core == x, 0.5 * (1.0 / (right * right) - 1.0 / (left * left)), 0.0
         )
         return TransformedError(
-            value=0.5 * jnp.log(left / right) + slope * (x - core),
+            value=0.5 * math.log(2.0) * log2(left / right) + slope * (x - core),
             rate=slope * x1,
             offset=curve * x1 * x1 - slope * (2.0 * x1 * width1 + x * width2) / width,
             gain=slope / width,

@@ -66,6 +66,70 @@ def test_sincos_of_what_is_not_finite_is_not_a_number():
         assert all(np.isnan(v) for v in numerics.sincos(jnp.asarray(bad)))
 
 
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_once_is_the_identity_in_value_and_in_both_modes(dtype):
+    x = jnp.asarray([-3.5, -0.0, 0.0, 1e-30, 7.0, 1e30], dtype)
+    once, one = jax.vmap(numerics.once), jnp.ones_like(x)
+    np.testing.assert_array_equal(jax.jit(once)(x), x)
+    np.testing.assert_array_equal(jax.jvp(once, (x,), (one,))[1], one)
+    np.testing.assert_array_equal(jax.vmap(jax.grad(numerics.once))(x), one)
+    assert np.isnan(numerics.once(jnp.asarray(np.nan)))
+
+
+FUNCTIONS = {
+    # name: ours, NumPy's, its derivative, arguments, error in units of the last place
+    "arctan": (
+        numerics.arctan,
+        np.arctan,
+        lambda x, y: 1 / (1 + x * x),
+        np.concatenate([-np.logspace(-12, 12, 4001), np.linspace(-3, 3, 4001)]),
+        4.0,
+    ),
+    "log2": (
+        numerics.log2,
+        np.log2,
+        lambda x, y: 1 / (x * np.log(np.longdouble(2))),
+        np.concatenate([np.logspace(-30, 30, 8001), np.linspace(0.5, 2.0, 4001)]),
+        2.0,
+    ),
+    "exp2": (
+        numerics.exp2,
+        np.exp2,
+        lambda x, y: y * np.log(np.longdouble(2)),
+        np.concatenate([np.linspace(-120, 120, 8001), np.linspace(-1, 1, 4001)]),
+        2.0,
+    ),
+}
+
+
+@needs_long_double
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_own_functions_and_their_slopes_agree_with_long_double(name, dtype):
+    ours, theirs, slope, x, units = FUNCTIONS[name]
+    x = x.astype(dtype)
+    long = x.astype(np.longdouble)
+    value, first = jax.device_get(jax.jit(jax.vmap(jax.value_and_grad(ours)))(x))
+    assert value.dtype == first.dtype == dtype
+    eps = np.finfo(dtype).eps
+    wanted = theirs(long)
+    # log2 near 1 is right to the rounding of the exponent it is a part of.
+    scale = np.maximum(np.abs(wanted), 1.0 if name == "log2" else 1e-30)
+    assert np.max(np.abs(value - wanted) / scale) <= units * eps
+    wanted = slope(long, wanted)
+    assert np.max(np.abs(first - wanted) / np.abs(wanted)) <= (units + 2.0) * eps
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_own_functions_of_what_is_not_a_number_are_not_a_number(name):
+    assert np.isnan(FUNCTIONS[name][0](jnp.asarray(np.nan)))
+
+
+def test_exp2_stops_at_the_ends_of_the_normal_numbers():
+    got = jax.vmap(numerics.exp2)(jnp.asarray([-1e4, 1e4], jnp.float32))
+    np.testing.assert_array_equal(got, np.exp2(np.float32([-126.0, 126.0])))
+
+
 EXPONENTS = (0.0, 0.4, 0.5, 1.0, 1.5, 2.0)
 SMOOTHING = 1e-3
 
@@ -239,7 +303,8 @@ def test_monotone_root_has_the_derivative_of_the_exact_root():
 
 def _steep(y, parameters):
     height, width = parameters
-    return y + height * jnp.tanh(y / width)
+    bend = jnp.tanh(y / width)
+    return y + height * bend, 1.0 + height / width * (1.0 - bend * bend)
 
 
 @jax.jit

@@ -26,7 +26,7 @@ from jaxglider.controllers.base import (
     default_damping,
     tracking_error,
 )
-from jaxglider.numerics import signed_powers
+from jaxglider.numerics import modulus_powers, signed_powers
 from jaxglider.performance import Bound
 from jaxglider.signals import Channels, Command, Measurement, Reference, each
 from jaxglider.transform import TransformedError
@@ -173,5 +173,5 @@ def reaching_law(s: Scalar, mu: Scalar, smoothing: Scalar) -> Scalar:
 
     s' = −k times this settles within 2μ/k from anywhere.
     """
-    up, down = signed_powers(s, (1.0 + 1.0 / mu, 1.0 - 1.0 / mu), smoothing)
-    return up + s + down
+    (power,) = modulus_powers(s, (1.0 / mu,), smoothing)
+    return s * (power + 1.0 + 1.0 / power)

@@ -25,7 +25,7 @@ from jaxglider._types import (
     concrete,
 )
 from jaxglider.frames import body_to_ned
-from jaxglider.numerics import select
+from jaxglider.numerics import arctan, select
 from jaxglider.references.base import (
     AbstractReference,
     Schedule,
@@ -70,7 +70,7 @@ class LineOfSight(Container):
         reach = length * length + aim * aim
         integral_rate = length * cross_track / reach
         aim_rate = cross_track_rate + self.integral_gain * integral_rate
-        return -jnp.arctan(aim / length), -length * aim_rate / reach, integral_rate
+        return -arctan(aim / length), -length * aim_rate / reach, integral_rate
 
 
 class PathState(eqx.Module):
@@ -87,6 +87,24 @@ class PathState(eqx.Module):
     integral: Scalar
     switched: Scalar
     finished: jax.Array
+
+
+class Leg(eqx.Module):
+    """One leg of the path.
+
+    Attributes:
+        north: where it begins [m].
+        east: where it begins [m].
+        cosine: of its azimuth.
+        sine: of its azimuth.
+        azimuth: χ [rad].
+    """
+
+    north: Scalar
+    east: Scalar
+    cosine: Scalar
+    sine: Scalar
+    azimuth: Scalar
 
 
 class PlannedTick(eqx.Module):
@@ -173,23 +191,20 @@ class WaypointPath(AbstractReference):
         """Switch if the waypoint is reached, then guide along the leg."""
         s, vertical = measurement.state, planned.vertical
         path = self._switch(state, s, planned.time)
-        start, ahead = self._leg(path.target)
-        length = jnp.hypot(ahead[0], ahead[1])
-        cosine, sine = ahead[0] / length, ahead[1] / length
-        azimuth = jnp.arctan2(ahead[1], ahead[0])
-        off_north, off_east = s.north - start[0], s.east - start[1]
+        leg = jax.tree.map(lambda *x: select(path.target, x), *self._legs())
+        off_north, off_east = s.north - leg.north, s.east - leg.east
         north_rate, east_rate, _ = body_to_ned(
             measurement.attitude, s.surge, s.sway, s.heave
         )
         relative, rate, integral_rate = self.line_of_sight(
-            cosine * off_east - sine * off_north,
-            cosine * east_rate - sine * north_rate,
+            leg.cosine * off_east - leg.sine * off_north,
+            leg.cosine * east_rate - leg.sine * north_rate,
             path.integral,
         )
         zero = jnp.zeros_like(relative)
         pitch = vertical.gliding_angle + angle_of_attack(s)
         reference = Reference(
-            position=Channels(vertical.depth, pitch, azimuth + relative),
+            position=Channels(vertical.depth, pitch, leg.azimuth + relative),
             rate=Channels(vertical.depth_rate, zero, rate),
             acceleration=Channels(zero, zero, zero),
             clock=planned.time - path.switched,
@@ -217,12 +232,14 @@ class WaypointPath(AbstractReference):
             state.finished | (near & last),
         )
 
-    def _leg(
-        self, target: jax.Array
-    ) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
-        """Start of the leg to a waypoint [m], and the way from there to it [m]."""
+    def _legs(self) -> list[Leg]:
+        """All legs: the same in every tick, so the compiler takes them out of it."""
         north = [self.start_north, *self.north]
         east = [self.start_east, *self.east]
-        start = select(target, north[:-1]), select(target, east[:-1])
-        end = select(target, north[1:]), select(target, east[1:])
-        return start, (end[0] - start[0], end[1] - start[1])
+        legs = []
+        for n in range(len(north) - 1):
+            ahead, aside = north[n + 1] - north[n], east[n + 1] - east[n]
+            length = jnp.hypot(ahead, aside)
+            azimuth = jnp.arctan2(aside, ahead)
+            legs.append(Leg(north[n], east[n], ahead / length, aside / length, azimuth))
+        return legs
