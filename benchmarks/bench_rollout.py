@@ -19,8 +19,10 @@ import equinox as eqx
 import jax
 
 from jaxglider import evaluate, map_members, member_keys, paper
+from jaxglider.designs import MonteCarlo
 from jaxglider.io import provenance
-from jaxglider.vehicle.uncertainty import UniformUncertainty
+from jaxglider.quantities import uniform_uncertainty
+from jaxglider.uncertainty import Member, with_member
 
 
 def timed(
@@ -56,12 +58,10 @@ def main() -> None:
     jax.config.update("jax_enable_x64", options.precision == 64)
     loop = paper.make_loop("switching", options.plant, duration=options.duration)
     sea = loop.scenario.sea(jax.random.key(0))
-    nominal = loop.scenario.plant.parameters
     ticks = loop.scenario.clock.ticks
 
-    def member(parameters: Any) -> Any:
-        where = lambda at: at.scenario.plant.parameters
-        return evaluate(eqx.tree_at(where, loop, parameters), sea)
+    def member(one: Member) -> Any:
+        return evaluate(*with_member(loop, one))
 
     def objective(gains: Any) -> Any:
         changed = eqx.tree_at(lambda at: at.controller.gains, loop, gains)
@@ -72,20 +72,23 @@ def main() -> None:
 
     gains = loop.controller.gains
     rows = {
-        "one rollout": (1, timed(member, nominal, repeats=options.repeats)),
+        "one rollout": (
+            1,
+            timed(lambda at: evaluate(loop, at), sea, repeats=options.repeats),
+        ),
         "value and gradient": (
             1,
             timed(jax.value_and_grad(objective), gains, repeats=options.repeats),
         ),
     }
-    spread = UniformUncertainty(0.2)
+    uncertainty = uniform_uncertainty(loop.scenario, 0.2)
+    design = MonteCarlo(0, uncertainty.names())
     for size in options.batches:
-        keys = member_keys(0, size)
-        parameters = jax.vmap(lambda key: spread.sample(key, nominal))(keys)
+        members = uncertainty.sample(design, member_keys(0, size))
         batch = lambda members: map_members(member, members)
         rows[f"batch of {size}"] = (
             size,
-            timed(batch, parameters, repeats=options.repeats),
+            timed(batch, members, repeats=options.repeats),
         )
     one = rows["one rollout"][1]["run_s"]
     for size, row in rows.values():

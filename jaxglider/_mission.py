@@ -34,6 +34,13 @@ from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.parameters import GliderParameters, VehicleData, load_vehicle
 
 _UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
+STATE_UNITS = {
+    **dict.fromkeys(("north", "east", "depth"), ("m", 1.0)),
+    **dict.fromkeys(("roll", "pitch", "heading"), ("deg", math.pi / 180)),
+    **dict.fromkeys(("surge", "sway", "heave"), ("m_s", 1.0)),
+    **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), ("deg_s", math.pi / 180)),
+}
+"""How the keys of a state end, and what their numbers are multiplied by."""
 
 
 def _built(make: Any, path: str, *args: Any, **kwargs: Any) -> Any:
@@ -95,17 +102,9 @@ def read_actuators(table: Table, limits: Command[Any]) -> Command[Actuator]:
 
 def read_initial_state(table: Table) -> GliderState:
     """Where the glider starts; angles in degrees in the file."""
-    units = {
-        **dict.fromkeys(("north", "east", "depth"), ("m", 1.0)),
-        **dict.fromkeys(("roll", "pitch", "heading"), ("deg", math.pi / 180)),
-        **dict.fromkeys(("surge", "sway", "heave"), ("m_s", 1.0)),
-        **dict.fromkeys(
-            ("roll_rate", "pitch_rate", "yaw_rate"), ("deg_s", math.pi / 180)
-        ),
-    }
     values = {
         name: scale * table.number(f"{name}_{unit}", 0.0)
-        for name, (unit, scale) in units.items()
+        for name, (unit, scale) in STATE_UNITS.items()
     }
     table.close()
     if abs(values["pitch"]) >= math.pi / 2:

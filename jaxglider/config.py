@@ -28,6 +28,7 @@ from jaxglider._toml import (
     read_toml,
 )
 from jaxglider._types import Scalar
+from jaxglider._uncertainty import load_uncertainty as load_uncertainty
 from jaxglider.controllers import tracking_error
 from jaxglider.controllers.base import Limits
 from jaxglider.gains import decode

@@ -7,12 +7,13 @@ of (ω Δt)²/8: 3e-7 for the paper's at 20 Hz.
 
 from abc import abstractmethod
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import jax.random as jr
 from jax import lax
 
-from jaxglider._types import Container, Scalar, Series, check_interval
+from jaxglider._types import Container, Scalar, Series, as_float, check_interval
 from jaxglider.numerics import sincos
 from jaxglider.signals import BodyAxes, each
 
@@ -69,14 +70,17 @@ class Sinusoid(AbstractDisturbance):
     phase: BodyAxes[Scalar]
 
     def realise(self, key: jax.Array, times: Series) -> BodyAxes[Series]:
-        """The sinusoid at each time."""
-        sine = jax.vmap(lambda angle: sincos(angle)[0])
-        return each(
-            lambda a, w, p: a * sine(w * times + p),
-            self.amplitude,
-            self.frequency,
-            self.phase,
-        )
+        """The sinusoid at each time, A cos φ₀ sin ωt + A sin φ₀ cos ωt.
+
+        Members of an ensemble that differ in amplitude and phase share sin ωt.
+        """
+
+        def wave(a: Scalar, w: Scalar, p: Scalar) -> Series:
+            sine, cosine = jax.vmap(sincos)(w * times)
+            ahead, in_phase = sincos(p)
+            return (a * in_phase) * sine + (a * ahead) * cosine
+
+        return each(wave, self.amplitude, self.frequency, self.phase)
 
 
 class GaussMarkov(AbstractDisturbance):
@@ -144,6 +148,37 @@ class Sum(AbstractDisturbance):
         for number, term in enumerate(self.terms):
             total = total + term.realise(jr.fold_in(key, number), times)
         return total
+
+
+class Varied(AbstractDisturbance):
+    """Another disturbance, stronger or weaker and turned about the body's z axis.
+
+    (x, y) ← s (x cos χ − y sin χ, x sin χ + y cos χ) for surge and sway as for roll
+    and pitch; heave and yaw ← s times themselves.
+
+    Attributes:
+        disturbance: τ(t) as it comes.
+        strength: s.
+        direction: χ [rad], positive to starboard.
+    """
+
+    disturbance: AbstractDisturbance
+    strength: Scalar = eqx.field(converter=as_float, default=1.0)
+    direction: Scalar = eqx.field(converter=as_float, default=0.0)
+
+    def realise(self, key: jax.Array, times: Series) -> BodyAxes[Series]:
+        """The realisation, scaled and turned."""
+        sine, cosine = sincos(self.direction)
+        along, across = self.strength * cosine, self.strength * sine
+        f = self.disturbance.realise(key, times)
+        return BodyAxes(
+            along * f.surge - across * f.sway,
+            across * f.surge + along * f.sway,
+            self.strength * f.heave,
+            along * f.roll - across * f.pitch,
+            across * f.roll + along * f.pitch,
+            self.strength * f.yaw,
+        )
 
 
 def axes(

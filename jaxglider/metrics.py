@@ -30,6 +30,7 @@ class ChannelSums(eqx.Module):
     max_error_settled: Scalar
     outside: Scalar
     saturated: Scalar
+    peak: Scalar
     crowding: Scalar
     excess: Scalar
 
@@ -54,6 +55,8 @@ class ChannelMetrics(eqx.Module):
         chattering: L2[ΔU], applied, per tick [kg, m or rad].
         time_outside_funnel: share of the active time.
         time_saturated: share of the active time with the actuator short of the command.
+        funnel_peak: largest error over the edge of the funnel that it nears: above 1
+            it has left.
         funnel_crowding: mean of max(x − 0.8, 0)², x the error over the edge it nears:
             a smooth stand-in for the time outside.
         saturation_excess: mean of d²/(u² + d²), u the applied command and d what is
@@ -67,6 +70,7 @@ class ChannelMetrics(eqx.Module):
     chattering: Scalar
     time_outside_funnel: Scalar
     time_saturated: Scalar
+    funnel_peak: Scalar
     funnel_crowding: Scalar
     saturation_excess: Scalar
 
@@ -96,7 +100,7 @@ class Metrics(eqx.Module):
 def empty_sums(like: Scalar) -> Sums:
     """Sums before the first tick, in the precision of `like`."""
     zero = jnp.zeros_like(like)
-    empty = ChannelSums(*(zero,) * 9)
+    empty = ChannelSums(*(zero,) * 10)
     return Sums(zero, Channels(empty, empty, empty), zero, zero)
 
 
@@ -145,6 +149,7 @@ def add_tick(
             jnp.maximum(s.max_error_settled, jnp.where(b.settled, size, 0.0)),
             s.outside + jnp.where(outside, 1.0, 0.0),
             s.saturated + jnp.where(w != u, 1.0, 0.0),
+            jnp.maximum(s.peak, nearness),
             s.crowding + jnp.maximum(nearness - 0.8, 0.0) ** 2,
             s.excess + (w - u) ** 2 / (u * u + (w - u) ** 2 + 1e-12),
         )
@@ -187,6 +192,7 @@ def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Me
             jnp.sqrt(s.change_squared / n),
             s.outside / n,
             s.saturated / n,
+            s.peak,
             s.crowding / n,
             s.excess / n,
         )

@@ -3,10 +3,15 @@
 In each tick: measure, refer, decide (with the disturbance estimate so far), actuate,
 integrate the glider with the command held, observe. Nothing here knows a batch: `vmap`
 over scenario, controller or sea.
+
+Controller, reference and observer see the measured state; metrics and records hold the
+true one.
 """
 
+import dataclasses
+from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -15,12 +20,12 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jaxglider._types import Scalar, Series
-from jaxglider.controllers.base import AbstractController
-from jaxglider.integrate import RK4, runge_kutta_step
-from jaxglider.metrics import Metrics, Sums, add_tick, empty_sums, finish
+from jaxglider.controllers.base import AbstractController, Limits, tracking_error
+from jaxglider.metrics import Metrics, add_tick, empty_sums, finish
 from jaxglider.observer import AbstractObserver
 from jaxglider.performance import Bound
 from jaxglider.scenario import Scenario
+from jaxglider.sensors import measured, with_errors
 from jaxglider.signals import (
     BodyAxes,
     Channels,
@@ -30,39 +35,11 @@ from jaxglider.signals import (
     each,
     zeros,
 )
+from jaxglider.tick import Carry, TickInput, hold_when_finished, integrate
 from jaxglider.trajectory import TickRecord, Trajectory
 from jaxglider.vehicle.actuators import follow_all
 
-
-class Carry(eqx.Module):
-    """What one tick hands to the next."""
-
-    state: GliderState
-    held: Command[Scalar]
-    reference: Any
-    controller: Any
-    observer: Any
-    sums: Sums
-    finished: jax.Array
-    reached: jax.Array
-
-
-class TickInput(eqx.Module):
-    """What is known of a tick before the rollout starts; built for all ticks at once.
-
-    Attributes:
-        time: start of the tick [s].
-        force_start: τ_d at the start of the tick.
-        force_end: τ_d at its end.
-        planned: the reference's plan.
-        bounds: performance functions, or None where the clock is not known beforehand.
-    """
-
-    time: jax.Array
-    force_start: BodyAxes[jax.Array]
-    force_end: BodyAxes[jax.Array]
-    planned: Any
-    bounds: Channels[Bound] | None
+Kept = TypeVar("Kept")
 
 
 class ClosedLoop(eqx.Module):
@@ -93,28 +70,33 @@ class ClosedLoop(eqx.Module):
             jnp.asarray(0, jnp.int32),
         )
 
-    def inputs(self, sea: BodyAxes[Series]) -> TickInput:
+    def inputs(
+        self, sea: BodyAxes[Series], noise: dict[str, Series] | None = None
+    ) -> TickInput:
         """The scan's inputs: everything that depends on time alone."""
-        times = self.scenario.clock.times()[:-1]
-        reference = self.scenario.reference
-        planned = reference.plan(times)
-        bounds = (
-            jax.vmap(self.controller.bounds)(planned.clock)
-            if reference.scheduled
-            else None
+        scenario = self.scenario
+        times = scenario.clock.times()[:-1]
+        planned = scenario.reference.plan(times)
+        bounds = judging = None
+        if scenario.reference.scheduled:
+            bounds = jax.vmap(self.controller.bounds)(planned.clock)
+            if scenario.funnel is not None:
+                judging = jax.vmap(scenario.funnel.bounds)(planned.clock)
+        start, end = (
+            jax.tree.map(lambda path, part=part: path[part], (sea, noise))
+            for part in (slice(None, -1), slice(1, None))
         )
-        start = each(lambda path: path[:-1], sea)
         return TickInput(
-            times, start, each(lambda path: path[1:], sea), planned, bounds
+            times, start[0], end[0], planned, bounds, judging, start[1], end[1]
         )
 
     def tick(self, carry: Carry, given: TickInput) -> tuple[Carry, TickRecord]:
         """One control tick."""
         scenario, controller = self.scenario, self.controller
         dt, state = scenario.clock.dt, carry.state
-        measurement = Measurement(
-            state, state.attitude(), carry.held, self.observer.estimate(carry.observer)
-        )
+        estimate = self.observer.estimate(carry.observer)
+        truth = Measurement(state, state.attitude(), carry.held, estimate)
+        measurement = measured(truth, given.noise_start)
         reference, reference_state = scenario.reference.step(
             carry.reference, given.planned, measurement, dt
         )
@@ -124,14 +106,18 @@ class ClosedLoop(eqx.Module):
         wanted, controller_state, record = controller.step(
             carry.controller, measurement, reference, bounds, dt
         )
-        limits = controller.limits(bounds)
-        applied = follow_all(scenario.actuators, carry.held, wanted, dt)
-        following = _integrate(scenario, state, applied, given)
+        error = record.error
+        if given.noise_start is not None:
+            error, _ = tracking_error(truth, reference)
+        judging, limits = self._judged(bounds, given, reference.clock)
+        applied = follow_all(scenario.actuators, carry.held, wanted, dt, given.time)
+        following = integrate(scenario, state, applied, given)
+        observed = with_errors(following, given.noise_end)
         observer_state = self.observer.step(
-            carry.observer, measurement, applied, following, dt
+            carry.observer, measurement, applied, observed, dt
         )
         sums = add_tick(
-            carry.sums, state, record.error, bounds, limits, wanted, applied, carry.held
+            carry.sums, state, error, judging, limits, wanted, applied, carry.held
         )
         after = Carry(
             following,
@@ -144,27 +130,37 @@ class ClosedLoop(eqx.Module):
             _reached(reference.target, reference.finished),
         )
         if scenario.reference.can_finish:
-            after = _hold_when_finished(carry, after)
+            after = hold_when_finished(carry, after)
         return after, TickRecord(
             given.time,
             ~reference.finished,
             state,
             reference.position,
-            record.error,
+            error,
             limits,
             record.surface,
             wanted,
             applied,
-            measurement.disturbance,
-            self._lumped(measurement, applied, following, given),
+            estimate,
+            self._lumped(truth, applied, following, given),
             given.force_start,
             reference.target,
             reference.clock,
         )
 
+    def _judged(
+        self, bounds: Channels[Bound], given: TickInput, clock: Scalar
+    ) -> tuple[Channels[Bound], Channels[Limits]]:
+        """Performance functions and edges of the funnel that errors are judged by."""
+        funnel = self.scenario.funnel
+        if funnel is None:
+            return bounds, self.controller.limits(bounds)
+        judging = funnel.bounds(clock) if given.judging is None else given.judging
+        return judging, funnel.limits(judging)
+
     def _lumped(
         self,
-        measurement: Measurement,
+        truth: Measurement,
         applied: Command[Scalar],
         following: GliderState,
         given: TickInput,
@@ -172,66 +168,79 @@ class ClosedLoop(eqx.Module):
         model = getattr(self.controller, "model", None)
         if model is None:
             return given.force_start
-        force = model.force(measurement.state, measurement.attitude, applied)
-        change = following.velocity() - measurement.state.velocity()
+        force = model.force(truth.state, truth.attitude, applied)
+        change = following.velocity() - truth.state.velocity()
         dt = self.scenario.clock.dt
         return each(
             lambda m, c, f: m * c / dt - f, model.parameters.inertia(), change, force
         )
 
 
-def _integrate(
-    scenario: Scenario, state: GliderState, applied: Command[Scalar], given: TickInput
-) -> GliderState:
-    """The glider one tick later, the command held, τ_d linear within the tick."""
-    substeps = scenario.clock.substeps
-    slope = given.force_end - given.force_start
-
-    def substep(s: GliderState, number: Scalar) -> tuple[GliderState, None]:
-        def derivative(at: GliderState, node: Scalar) -> GliderState:
-            share = (number + node) / substeps
-            force = each(lambda f, k: f + share * k, given.force_start, slope)
-            return scenario.plant.derivative(at, applied, force)
-
-        step = scenario.clock.dt / substeps
-        return runge_kutta_step(RK4, derivative, s, step), None
-
-    if substeps == 1:
-        return substep(state, jnp.zeros_like(scenario.clock.dt))[0]
-    numbers = jnp.arange(substeps, dtype=scenario.clock.dt.dtype)
-    return lax.scan(substep, state, numbers)[0]
-
-
 def _reached(target: jax.Array, finished: jax.Array) -> jax.Array:
     return (target + jnp.where(finished, 1, 0)).astype(jnp.int32)
 
 
-def _hold_when_finished(before: Carry, after: Carry) -> Carry:
-    """After the last waypoint everything stays as it is."""
-    held = jax.tree.map(
-        lambda old, new: jnp.where(after.finished, old, new), before, after
-    )
-    return eqx.tree_at(
-        lambda c: (c.finished, c.reached), held, (after.finished, after.reached)
+def roll(
+    loop: ClosedLoop,
+    sea: BodyAxes[Series],
+    noise: dict[str, Series] | None,
+    tick: Callable[[Carry, TickInput], tuple[Carry, Kept]],
+) -> tuple[Metrics, Kept]:
+    """The scan over all ticks; `simulate` and `evaluate` differ in what they keep.
+
+    The end of a tick is the start of the next: it is handed on, not read twice.
+
+    Args:
+        loop: scenario, controller and observer.
+        sea: the realised disturbance.
+        noise: the realised errors of the sensors, or None.
+        tick: `loop.tick`, or a function around it that chooses what is kept.
+
+    Returns:
+        The metrics, and what each tick has kept, stacked.
+    """
+    given = loop.inputs(sea, noise)
+    starts = given.force_start, given.noise_start
+    first = jax.tree.map(lambda x: x[0], starts)
+    ends = eqx.tree_at(
+        lambda g: (g.force_start, g.noise_start),
+        given,
+        (None, None),
+        is_leaf=lambda x: x is None,
     )
 
+    def step(carry: Any, end: TickInput) -> Any:
+        inner, (force, errors) = carry
+        whole = dataclasses.replace(end, force_start=force, noise_start=errors)
+        after, kept = tick(inner, whole)
+        return (after, (end.force_end, end.noise_end)), kept
 
-def simulate(loop: ClosedLoop, sea: BodyAxes[Float[Array, " n"]]) -> Trajectory:
+    (last, _), kept = lax.scan(step, (loop.init(), first), ends)
+    metrics = finish(last.sums, last.state, last.reached, loop.scenario.clock.dt)
+    return metrics, kept
+
+
+def simulate(
+    loop: ClosedLoop,
+    sea: BodyAxes[Float[Array, " n"]],
+    noise: dict[str, Float[Array, " n"]] | None = None,
+) -> Trajectory:
     """Roll a closed loop out and keep every tick.
 
     Args:
         loop: scenario, controller and observer.
         sea: the realised disturbance, `loop.scenario.sea(key)`.
+        noise: the realised errors of the sensors, `loop.scenario.noise(key)`, or None.
     """
-
-    def tick(carry: Carry, given: TickInput) -> tuple[Carry, TickRecord]:
-        return loop.tick(carry, given)
-
-    last, ticks = lax.scan(tick, loop.init(), loop.inputs(sea))
-    return Trajectory(ticks, _finish(loop, last))
+    metrics, ticks = roll(loop, sea, noise, loop.tick)
+    return Trajectory(ticks, metrics)
 
 
-def evaluate(loop: ClosedLoop, sea: BodyAxes[Float[Array, " n"]]) -> Metrics:
+def evaluate(
+    loop: ClosedLoop,
+    sea: BodyAxes[Float[Array, " n"]],
+    noise: dict[str, Float[Array, " n"]] | None = None,
+) -> Metrics:
     """Roll a closed loop out and keep its metrics only.
 
     Memory does not grow with the horizon, but for what the scan's inputs take. Each
@@ -240,15 +249,11 @@ def evaluate(loop: ClosedLoop, sea: BodyAxes[Float[Array, " n"]]) -> Metrics:
     Args:
         loop: scenario, controller and observer.
         sea: the realised disturbance, `loop.scenario.sea(key)`.
+        noise: the realised errors of the sensors, `loop.scenario.noise(key)`, or None.
     """
 
     @partial(jax.checkpoint, prevent_cse=False)
     def tick(carry: Carry, given: TickInput) -> tuple[Carry, None]:
         return loop.tick(carry, given)[0], None
 
-    last, _ = lax.scan(tick, loop.init(), loop.inputs(sea))
-    return _finish(loop, last)
-
-
-def _finish(loop: ClosedLoop, last: Carry) -> Metrics:
-    return finish(last.sums, last.state, last.reached, loop.scenario.clock.dt)
+    return roll(loop, sea, noise, tick)[0]

@@ -1,14 +1,17 @@
 """Who glides where under what: everything of a run but the controller."""
 
 import math
+from collections.abc import Mapping
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from jaxglider._types import Container, Scalar, Series, as_float, check_interval
+from jaxglider.controllers.base import Funnel
 from jaxglider.disturbances import AbstractDisturbance
 from jaxglider.references.base import AbstractReference
+from jaxglider.sensors import Sensor, check_sensors, realise_errors
 from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.plant import AbstractPlant
@@ -72,6 +75,12 @@ class Scenario(Container):
         disturbance: the law of the sea.
         reference: the task.
         initial_state: where the glider starts.
+        sensors: errors of the measurement by the name of the state, or None for none.
+        funnel: what errors are judged by, whoever steers; None for the controller's
+            own. Give one to compare controllers: each could widen its own.
+
+    Raises:
+        ValueError: a sensor is named after no state.
     """
 
     clock: Clock
@@ -80,7 +89,18 @@ class Scenario(Container):
     disturbance: AbstractDisturbance
     reference: AbstractReference
     initial_state: GliderState
+    sensors: Mapping[str, Sensor] | None = None
+    funnel: Funnel | None = None
+
+    def __check_init__(self) -> None:
+        check_sensors(self.sensors)
 
     def sea(self, key: jax.Array) -> BodyAxes[Series]:
         """The disturbance realised at every tick [N, N m]; see `disturbances`."""
         return self.disturbance.realise(key, self.clock.times())
+
+    def noise(self, key: jax.Array) -> dict[str, Series] | None:
+        """The sensors' errors realised at every tick, or None without sensors."""
+        if self.sensors is None:
+            return None
+        return realise_errors(self.sensors, key, self.clock.times())

@@ -13,10 +13,27 @@ import jaxglider
 
 PACKAGE = Path(jaxglider.__file__).parent
 LAYERS = (
-    ("numerics", "frames", "integrate", "_types", "_compile"),
-    ("signals", "vehicle", "disturbances", "performance", "transform"),
+    (
+        "numerics",
+        "frames",
+        "integrate",
+        "distributions",
+        "designs",
+        "_types",
+        "_compile",
+    ),
+    ("signals", "vehicle", "disturbances", "sensors", "performance", "transform"),
     ("references", "observer", "controllers"),
-    ("scenario", "rollout", "trajectory", "ensemble", "metrics"),
+    (
+        "scenario",
+        "tick",
+        "rollout",
+        "trajectory",
+        "ensemble",
+        "uncertainty",
+        "quantities",
+        "metrics",
+    ),
     ("paper",),
 )
 HOST = len(LAYERS)

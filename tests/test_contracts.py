@@ -26,6 +26,7 @@ from jaxglider.disturbances import (
     Constant,
     GaussMarkov,
     Sum,
+    Varied,
     axes,
     same_on_all_axes,
 )
@@ -52,7 +53,7 @@ from jaxglider.signals import (
     Reference,
     zeros,
 )
-from jaxglider.vehicle.actuators import Actuator
+from jaxglider.vehicle.actuators import Actuator, Failure
 from jaxglider.vehicle.parameters import load_vehicle
 from jaxglider.vehicle.plant import AbstractPlant, printed_plant, rigid_body_plant
 
@@ -283,6 +284,10 @@ def rate_limited():
     return Actuator(0.4, rate_limit=0.8, time_constant=0.3)
 
 
+def failure():
+    return Failure(weak_from=0.0, effectiveness=0.5)
+
+
 def schedule():
     return Schedule([0.0, 10.0], [-0.7, -1.0], [0.5, 0.0], [0.1, 0.2])
 
@@ -300,10 +305,12 @@ REGISTRY = {
     "disturbance/sinusoid": lambda: disturbance(paper.disturbance()),
     "disturbance/gauss-markov": lambda: disturbance(coloured()),
     "disturbance/sum": lambda: disturbance(Sum((paper.disturbance(), Calm()))),
+    "disturbance/varied": lambda: disturbance(Varied(paper.disturbance(), 1.3, 0.4)),
     "plant/printed": lambda: plant(printed_plant(PARAMETERS)),
     "plant/rigid-body": lambda: plant(rigid_body_plant(PARAMETERS)),
     "actuator/saturated": lambda: actuator(Actuator(0.4)),
     "actuator/rate-limited": lambda: actuator(rate_limited()),
+    "actuator/failing": lambda: actuator(Actuator(0.4, failure=failure())),
     "observer/none": lambda: observer(NoObserver()),
     "observer/fixed-time": lambda: observer(paper.fixed_time_observer(MODEL)),
     "controller/smc": lambda: controller(controller_of("smc")),

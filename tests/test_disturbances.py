@@ -14,6 +14,7 @@ from jaxglider.disturbances import (
     GaussMarkov,
     Sinusoid,
     Sum,
+    Varied,
     axes,
     same_on_all_axes,
 )
@@ -193,3 +194,17 @@ def test_a_sum_adds_its_terms():
 def test_impossible_numbers_are_refused(law, rule):
     with pytest.raises(ValueError, match=rule):
         law()
+
+
+def test_a_varied_sea_is_stronger_and_turned_about_the_vertical():
+    sea = paper.disturbance()
+    plain = _rows(sea.realise(KEY, TIMES))
+    turned = _rows(Varied(sea, 1.5, 0.4).realise(KEY, TIMES))
+    rotation = np.array(
+        [[math.cos(0.4), -math.sin(0.4)], [math.sin(0.4), math.cos(0.4)]]
+    )
+    for pair in ([0, 1], [3, 4]):
+        np.testing.assert_allclose(
+            turned[pair], 1.5 * rotation @ plain[pair], atol=1e-15
+        )
+    np.testing.assert_allclose(turned[[2, 5]], 1.5 * plain[[2, 5]], atol=1e-15)

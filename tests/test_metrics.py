@@ -90,6 +90,7 @@ def recomputed(loop, ticks):
             "chattering": np.sqrt(np.sum(np.diff(u) ** 2) / len(u)),
             "time_outside_funnel": np.mean(np.abs(e) > width),
             "time_saturated": np.mean(np.abs(wanted) > limit),
+            "funnel_peak": np.max(np.abs(e) / width),
             "funnel_crowding": np.mean(np.maximum(np.abs(e) / width - 0.8, 0) ** 2),
             "saturation_excess": np.mean(
                 np.divide(d**2, u**2 + d**2, out=np.zeros_like(d), where=d > 0)

@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 from jaxglider import Clock, GliderParameters, GliderState, load_vehicle, paper
-from jaxglider.rollout import TickInput, _integrate
 from jaxglider.signals import BodyAxes, Command
+from jaxglider.tick import TickInput, integrate
 from jaxglider.vehicle.actuation import (
     PrintedActuation,
     RigidBodyActuation,
@@ -222,7 +222,7 @@ def one_tick(plant, dt=0.05, substeps=1):
 
     def advance(state, command, start, end):
         given = TickInput(jnp.asarray(0.0), start, end, None, None)
-        return _integrate(scenario, state, command, given)
+        return integrate(scenario, state, command, given)
 
     return jax.jit(jax.vmap(advance))
 

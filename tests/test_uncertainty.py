@@ -1,4 +1,7 @@
+"""Members: what differs, how far, and that nothing else does."""
+
 import dataclasses
+import tomllib
 
 import jax
 import jax.numpy as jnp
@@ -6,105 +9,251 @@ import jax.random as jr
 import numpy as np
 import pytest
 
+from jaxglider import paper
+from jaxglider._toml import ConfigError
+from jaxglider._uncertainty import TEMPLATE, build_uncertainty, load_uncertainty
+from jaxglider.designs import MonteCarlo
+from jaxglider.distributions import Uniform
+from jaxglider.disturbances import Constant, Sum, axes
 from jaxglider.ensemble import member_keys
-from jaxglider.vehicle.parameters import UNCERTAIN, load_vehicle
-from jaxglider.vehicle.uncertainty import UniformUncertainty
+from jaxglider.quantities import relative, uniform_uncertainty
+from jaxglider.uncertainty import Group, Quantity, Uncertainty, look_up, with_member
+from jaxglider.vehicle.actuators import NEVER
+from jaxglider.vehicle.parameters import UNCERTAIN
 
-NOMINAL = load_vehicle("seawing").parameters
-MEMBERS = 4000
+LOOP = paper.make_loop("switching", "rigid-body", duration=5.0)
+SCENARIO = LOOP.scenario
+PLAIN = tomllib.loads(TEMPLATE())
 
 
-@pytest.fixture(scope="module")
-def shares():
-    """(sample / nominal - 1) / half width, one row of members for each parameter."""
-    law = UniformUncertainty(0.2)
-    sample = jax.jit(jax.vmap(lambda key: law.sample(key, NOMINAL)))(
-        member_keys(2, MEMBERS)
+def rows_of(uncertainty, count, seed=0):
+    return uncertainty.values(MonteCarlo(seed, uncertainty.names()).rows(0, count))
+
+
+def columns_of(uncertainty, count, seed=0):
+    return dict(
+        zip(uncertainty.names(), rows_of(uncertainty, count, seed).T, strict=True)
     )
-    return {
-        name: (np.asarray(getattr(sample, name)) / float(getattr(NOMINAL, name)) - 1.0)
-        / 0.2
-        for name in UNCERTAIN
+
+
+def test_the_papers_uncertainty_covers_what_it_says_and_fills_it():
+    found = columns_of(uniform_uncertainty(SCENARIO, 0.3, 0.4, 2.0), 4000)
+    parameters = SCENARIO.plant.parameters
+    for name in UNCERTAIN:
+        share = (found[name] / float(getattr(parameters, name)) - 1.0) / 0.3
+        # The chance that 4000 draws leave the outer half per cent empty is 2e-9.
+        assert -1.0 <= share.min() < -0.99, name
+        assert 0.99 < share.max() <= 1.0, name
+    wave = found["wave_amplitude_heave"] / -0.02
+    assert 0.6 <= wave.min() < 0.61
+    assert 1.39 < wave.max() <= 1.4
+    assert np.ptp(found["wave_phase_yaw"]) > 6.2
+    assert np.ptp(found["initial_east"]) == pytest.approx(4.0, rel=0.01)
+    assert set(found) == {
+        *UNCERTAIN,
+        *(f"wave_{x}_{a}" for x in ("amplitude", "phase") for a in vars(axes())),
+        "initial_north",
+        "initial_east",
     }
 
 
-def test_samples_stay_within_their_bounds_and_fill_them(shares):
-    for name, share in shares.items():
-        assert share.min() >= -1.0 - 1e-12, name
-        assert share.max() <= 1.0 + 1e-12, name
-        # The chance that 4000 draws leave the outer half per cent empty is 2e-9.
-        assert share.min() < -0.99, name
-        assert share.max() > 0.99, name
-
-
-def test_samples_have_the_mean_and_the_spread_of_a_uniform_law(shares):
-    table = np.stack(list(shares.values()))
-    # Standard errors at 4000 draws: 0.009 for the mean, 0.004 for the spread.
-    np.testing.assert_allclose(table.mean(axis=1), 0.0, atol=0.04)
-    np.testing.assert_allclose(table.std(axis=1), 1 / np.sqrt(3), atol=0.02)
-
-
-def test_parameters_are_drawn_independently(shares):
-    correlation = np.corrcoef(np.stack(list(shares.values())))
-    np.testing.assert_allclose(correlation, np.eye(len(UNCERTAIN)), atol=0.075)
-
-
-def test_known_parameters_are_untouched():
-    sample = UniformUncertainty(0.2).sample(jr.key(0), NOMINAL)
-    for field in dataclasses.fields(NOMINAL):
-        same = float(getattr(sample, field.name)) == float(getattr(NOMINAL, field.name))
-        assert same == (field.name not in UNCERTAIN)
-
-
-def test_a_draw_does_not_move_when_another_name_is_added_or_the_order_changes():
-    key = jr.key(9)
-
-    def drawn(*names):
-        sample = UniformUncertainty(0.3, names).sample(key, NOMINAL)
-        return {name: float(getattr(sample, name)) for name in names}
-
-    alone = drawn("drag")
-    pair = drawn("moving_mass", "drag")
-    assert pair["drag"] == alone["drag"] != float(NOMINAL.drag)
-    assert drawn("drag", "moving_mass") == pair
-    assert drawn(*UNCERTAIN)["drag"] == alone["drag"]
-
-
-def test_equal_keys_give_equal_samples_and_other_keys_others():
-    law = UniformUncertainty(0.2)
-    first, again, other = (
-        law.sample(key, NOMINAL) for key in (jr.key(1), jr.key(1), jr.key(2))
+def test_levels_share_their_draws():
+    names = ("drag", "wave_phase_surge")
+    narrow, wide = (
+        columns_of(uniform_uncertainty(SCENARIO, h, 0.5), 50) for h in (0.1, 0.5)
     )
-    for name in UNCERTAIN:
-        assert float(getattr(first, name)) == float(getattr(again, name))
-        assert float(getattr(first, name)) != float(getattr(other, name))
+    drag = float(SCENARIO.plant.parameters.drag)
+    np.testing.assert_allclose(
+        5.0 * (narrow[names[0]] / drag - 1.0), wide[names[0]] / drag - 1.0, atol=1e-12
+    )
+    np.testing.assert_array_equal(narrow[names[1]], wide[names[1]])
 
 
-def test_the_half_width_scales_one_and_the_same_draw():
-    key = jr.key(4)
+def test_a_member_is_the_loop_with_its_values_and_nothing_else_changed():
+    uncertainty = uniform_uncertainty(SCENARIO, 0.2, 0.5, 1.0)
+    design = MonteCarlo(3, uncertainty.names())
+    members = uncertainty.sample(design, member_keys(3, 4))
+    member = jax.tree.map(lambda x: x[2], members)
+    loop, sea, noise = with_member(LOOP, member)
+    values = uncertainty.values(design.rows(2, 1))[0]
+    for quantity, value in zip(uncertainty.quantities, values, strict=True):
+        assert float(look_up(loop.scenario, quantity.path)) == value
+    restored = dataclasses.replace(
+        loop.scenario,
+        plant=SCENARIO.plant,
+        disturbance=SCENARIO.disturbance,
+        initial_state=SCENARIO.initial_state,
+    )
+    for a, b in zip(jax.tree.leaves(restored), jax.tree.leaves(SCENARIO), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert loop.controller is LOOP.controller
+    assert noise is None
+    t = np.asarray(SCENARIO.clock.times())
+    wave = loop.scenario.disturbance
+    np.testing.assert_allclose(
+        sea.roll,
+        float(wave.amplitude.roll)
+        * np.sin(float(wave.frequency.roll) * t + float(wave.phase.roll)),
+        atol=1e-15,
+    )
 
-    def deviation(half_width):
-        sample = UniformUncertainty(half_width).sample(key, NOMINAL)
-        return float(sample.drag / NOMINAL.drag) - 1.0
 
-    assert deviation(0.0) == 0.0
-    np.testing.assert_allclose(deviation(0.4), 2 * deviation(0.2), rtol=1e-12)
-
-
-def test_single_precision_parameters_give_single_precision_samples():
-    single = jax.tree.map(lambda x: x.astype(jnp.float32), NOMINAL)
-    law = UniformUncertainty(jnp.asarray(0.2, jnp.float32))
-    leaves = jax.tree.leaves(law.sample(jr.key(0), single))
-    assert all(leaf.dtype == jnp.float32 for leaf in leaves)
+def test_only_sinusoids_are_varied_wherever_they_are():
+    pushed = Sum((Constant(axes(surge=0.5)), SCENARIO.disturbance))
+    scenario = dataclasses.replace(SCENARIO, disturbance=pushed)
+    paths = [q.path for q in uniform_uncertainty(scenario, 0.0, 0.5).quantities]
+    assert len(paths) == 12
+    assert all(path.startswith("disturbance.terms.1.") for path in paths)
 
 
-@pytest.mark.parametrize("bad", [-0.1, 1.0, 2.0, float("nan")])
-def test_a_half_width_that_could_turn_a_sign_is_refused(bad):
-    with pytest.raises(ValueError, match=r"UniformUncertainty\.half_width must be"):
-        UniformUncertainty(bad)
+def test_correlated_quantities_keep_their_own_distributions():
+    laws = [relative(SCENARIO, n, Uniform(0.8, 1.2)) for n in ("drag", "lift_slope")]
+    group = Group("g", ("drag", "lift_slope"), ((1.0, 0.8), (0.8, 1.0)))
+    rows = rows_of(Uncertainty(SCENARIO, tuple(laws), (group,)), 4000)
+    ratio = rows / [7.19, 440.99]
+    # Of the ranks of a Gaussian copula: 6/pi asin(r/2).
+    wanted = 6 / np.pi * np.arcsin(0.4)
+    assert np.corrcoef(ratio.T)[0, 1] == pytest.approx(wanted, abs=0.03)
+    assert ratio.min() >= 0.8
+    assert ratio.max() <= 1.2
+    np.testing.assert_allclose(ratio.std(axis=0), 0.4 / np.sqrt(12), rtol=0.04)
 
 
-def test_an_unknown_name_is_refused_with_the_choices():
-    with pytest.raises(ValueError, match="received 'mass'; choose from") as refusal:
-        UniformUncertainty(0.2, ("drag", "mass"))
-    assert "surge_mass" in str(refusal.value)
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: uniform_uncertainty(SCENARIO, 1.0), r"parameters must be in \[0, 1\)"),
+        (lambda: uniform_uncertainty(SCENARIO, 0.2, -0.1), "amplitude must be in"),
+        (lambda: uniform_uncertainty(SCENARIO, 0.2, 0.5, -1.0), "position must be"),
+        (lambda: relative(SCENARIO, "drag", Uniform(-0.1, 2.0)), "stay positive"),
+        (lambda: relative(SCENARIO, "dragg", Uniform(0.9, 1.1)), "no 'dragg'"),
+        (
+            lambda: Uncertainty(
+                SCENARIO, (relative(SCENARIO, "drag", Uniform(0.9, 1.1)),) * 2
+            ),
+            "drag is uncertain in two ways",
+        ),
+        (
+            lambda: Uncertainty(
+                SCENARIO, (Quantity("x", "clock.speed", "s", Uniform(0.0, 1.0)),)
+            ),
+            "clock.speed is no number of this scenario",
+        ),
+    ],
+)
+def test_what_cannot_be_uncertain_is_refused(make, text):
+    with pytest.raises(ValueError, match=text):
+        make()
+
+
+def test_the_template_makes_everything_uncertain_that_it_names():
+    uncertainty = build_uncertainty(PLAIN, SCENARIO)
+    found = columns_of(uncertainty, 2000)
+    nominal = SCENARIO.plant.parameters
+    ratio = {n: found[n] / float(getattr(nominal, n)) for n in UNCERTAIN if n in found}
+    assert 0.8 <= ratio["surge_mass"].min() < ratio["surge_mass"].max() <= 1.2
+    assert 0.8 <= ratio["drag"].min() < 0.81
+    assert np.corrcoef(ratio["drag"], ratio["lift_slope"])[0, 1] > 0.4
+    assert np.log(ratio["roll_damping"]).std() == pytest.approx(0.2, rel=0.05)
+    assert found["initial_heading"].std() == pytest.approx(np.radians(5), rel=0.05)
+    assert found["sensor_bias_heading"].std() == pytest.approx(np.radians(1), rel=0.05)
+    stuck = found["mass_angle_stuck_from"] < NEVER
+    assert 0.01 < stuck.mean() < 0.03
+    assert found["mass_angle_stuck_from"][stuck].max() <= 800.0
+    assert found["buoyancy_mass_effectiveness"].min() >= 0.3
+    assert uncertainty.has_chance()
+    assert float(uncertainty.scenario.sensors["depth"].noise) == 0.01
+    loop = dataclasses.replace(LOOP, scenario=uncertainty.scenario)
+    member = uncertainty.members(rows_of(uncertainty, 1), jr.split(jr.key(0), 1))
+    member = jax.tree.map(lambda x: x[0], member)
+    _, sea, noise = with_member(loop, member)
+    assert set(noise) == {"heading", "depth"}
+    assert jnp.std(noise["depth"]) == pytest.approx(0.01, rel=0.3)
+    # Coloured noise on top of the waves: neighbouring ticks differ by chance.
+    assert np.std(np.diff(sea.surge, 2)) > 1e-4
+
+
+def test_a_file_of_a_number_is_the_number():
+    text = (
+        '[[vehicle]]\nlaw = "uniform"\nhalf_width = 0.2\n'
+        '[disturbance]\namplitude = {law = "uniform", half_width = 0.5}\n'
+        'phase_deg = {law = "uniform", half_width = 180.0}\n'
+    )
+    file = build_uncertainty(tomllib.loads(text), SCENARIO)
+    same = uniform_uncertainty(SCENARIO, 0.2, 0.5)
+    assert file.names() == same.names()
+    np.testing.assert_allclose(rows_of(file, 20), rows_of(same, 20), rtol=1e-14)
+    assert not file.has_chance()
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("", ("nothing is uncertain",)),
+        ("[vehicl]\n", ("unknown key vehicl", "did you mean vehicle?")),
+        ('[[vehicle]]\nlaw = "gauss"\n', ("vehicle[0].law", "'gauss'", "log-normal")),
+        ("[[vehicle]]\n", ("vehicle[0].law is missing",)),
+        ('[[vehicle]]\nlaw = "uniform"\nhalf_width = 1.5\n', ("must stay positive",)),
+        ('[[vehicle]]\nlaw = "uniform"\nhalf_width = "x"\n', ("half_width", "'x'")),
+        (
+            '[[vehicle]]\nnames = ["dragg"]\nlaw = "uniform"\nhalf_width = 0.1\n',
+            ("'dragg'",),
+        ),
+        (
+            '[[vehicle]]\nlaw = "normal"\nstandard_deviation = -1.0\n',
+            ("vehicle[0]", "deviation must be positive"),
+        ),
+        (
+            '[[vehicle]]\nlaw = "uniform"\nhalf_width = 0.1\ncorrelation = 1.5\n',
+            ("correlation must be", "positive definite"),
+        ),
+        (
+            '[disturbance]\nstrength = {law = "uniform", wide = 1.0}\n',
+            ("disturbance.strength.low is missing",),
+        ),
+        (
+            '[disturbance]\nstrength = {law = "uniform", half_width = 0.1, x = 1}\n',
+            ("unknown key disturbance.strength.x",),
+        ),
+        ("[sensors.depth]\nnoise_deg = 1.0\n", ("sensors.depth.noise_deg", "noise_m")),
+        ("[sensors.depth]\nnoise_m = -1.0\n", ("sensors.depth", "noise must be")),
+        (
+            '[initial_state]\npitch_deg = {law = "uniform", half_width = 95}\n',
+            ("initial_state.pitch_deg", "90"),
+        ),
+        (
+            "[actuators.mass_angle]\ntime_constant_s = 0.0\n",
+            ("actuators.mass_angle.time_constant_s", "positive"),
+        ),
+        (
+            '[actuators.mass_angle]\ntime_constant_s = {law = "normal"}\n',
+            ("actuators.mass_angle.time_constant_s.mean is missing",),
+        ),
+        (
+            '[[failure]]\nactuator = "rudder"\nkind = "stuck"\ntime_s = 1\n',
+            ("failure[0].actuator", "'rudder'", "mass_angle"),
+        ),
+        (
+            '[[failure]]\nactuator = "mass_angle"\nkind = "weak"\ntime_s = 1\n'
+            "effectiveness = 1.5\n",
+            ("failure[0].effectiveness", "[0, 1]"),
+        ),
+        (
+            '[[failure]]\nactuator = "mass_angle"\nkind = "stuck"\ntime_s = 1\n'
+            "probability = 2.0\n",
+            ("failure[0].probability", "[0, 1]"),
+        ),
+        (
+            '[[failure]]\nactuator = "mass_angle"\nkind = "stuck"\ntime_s = 1\n' * 2,
+            ("mass_angle_stuck_from is uncertain in two ways",),
+        ),
+    ],
+)
+def test_a_wrong_file_is_refused_in_words_one_can_act_on(tmp_path, text, parts):
+    path = tmp_path / "wrong.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as refusal:
+        load_uncertainty(path, SCENARIO)
+    assert str(refusal.value).startswith(f"{path}: ")
+    for part in parts:
+        assert part in str(refusal.value)

@@ -13,6 +13,7 @@ from jaxglider._toml import ConfigError, Table, read_toml
 from jaxglider.config import load_gains
 from jaxglider.ensemble import map_members
 from jaxglider.metrics import Metrics
+from jaxglider.quantities import uniform_uncertainty
 from jaxglider.rollout import ClosedLoop, evaluate
 from jaxglider.vehicle.plant import SmallAnglePlant
 from tuning.members import (
@@ -20,7 +21,6 @@ from tuning.members import (
     TRAINING,
     VALIDATION,
     Member,
-    Spread,
     nominal_member,
     sample_members,
     with_member,
@@ -94,12 +94,14 @@ def build_task(options: argparse.Namespace) -> Task:
     paths = tuple(options.free) or DEFAULT_FREE[kind]
     constraints = () if options.unconstrained else ("k1-below-k2-squared",)
     space = Space.of(loop, paths, constraints)
-    spread = Spread(options.uncertainty, options.amplitude, options.position)
+    uncertainty = uniform_uncertainty(
+        loop.scenario, options.uncertainty, options.amplitude, options.position
+    )
 
     def draw(which: int, count: int) -> Member:
         if options.members == 1:
             return nominal_member(loop)
-        return sample_members(loop, options.seed, which, count, spread)
+        return sample_members(uncertainty, options.seed, which, count)
 
     sets = (
         draw(TRAINING, options.members),

@@ -83,18 +83,14 @@ class AbstractController(Container):
         funnel = getattr(self, "funnel", None)
         if funnel is None:
             return Channels(*(unbounded(clock),) * 3)
-        return each(lambda p: p(clock), funnel.performance)
+        return funnel.bounds(clock)
 
     def limits(self, bounds: Channels[Bound]) -> Channels[Limits]:
         """The edges within which the errors should stay, −δ_L P and δ_R P."""
         funnel = getattr(self, "funnel", None)
         if funnel is None:
             return each(lambda b: Limits(-b.value, b.value), bounds)
-        return each(
-            lambda b, t: Limits(-t.lower * b.value, t.upper * b.value),
-            bounds,
-            funnel.transformation,
-        )
+        return funnel.limits(bounds)
 
 
 class Funnel(Container):
@@ -107,6 +103,18 @@ class Funnel(Container):
 
     performance: Channels[AbstractPerformanceFunction]
     transformation: Channels[ErrorTransformation]
+
+    def bounds(self, clock: Scalar) -> Channels[Bound]:
+        """P, P', P'' of each channel at t* [s]."""
+        return each(lambda p: p(clock), self.performance)
+
+    def limits(self, bounds: Channels[Bound]) -> Channels[Limits]:
+        """−δ_L P and δ_R P of each channel."""
+        return each(
+            lambda b, t: Limits(-t.lower * b.value, t.upper * b.value),
+            bounds,
+            self.transformation,
+        )
 
     def transform(
         self,

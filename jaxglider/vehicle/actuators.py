@@ -1,4 +1,4 @@
-"""Actuators: saturation always; rate limit and first-order lag where given."""
+"""Actuators: saturation always; rate limit, lag and failure where given."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -6,6 +6,45 @@ import jax.numpy as jnp
 from jaxglider._types import Container, Scalar, as_float, check_interval
 from jaxglider.numerics import saturate
 from jaxglider.signals import Command, each
+
+NEVER = 1e9
+"""A time that no run reaches [s]."""
+
+
+class Failure(Container):
+    """How an actuator fails: it grows weak, or gets stuck, at a time.
+
+    Attributes:
+        weak_from: from here on it reaches a share of its command only [s].
+        effectiveness: that share, in [0, 1].
+        stuck_from: from here on it stays where it is [s].
+
+    Raises:
+        ValueError: the effectiveness is outside [0, 1], or a number is not finite.
+    """
+
+    weak_from: Scalar = eqx.field(converter=as_float, default=NEVER)
+    effectiveness: Scalar = eqx.field(converter=as_float, default=1.0)
+    stuck_from: Scalar = eqx.field(converter=as_float, default=NEVER)
+
+    def __check_init__(self) -> None:
+        check_interval(
+            "Failure",
+            "effectiveness",
+            self.effectiveness,
+            0.0,
+            1.0,
+            closed_low=True,
+            closed_high=True,
+        )
+
+    def reached(self, target: Scalar, time: Scalar | float) -> Scalar:
+        """What a weak actuator makes of its command."""
+        return jnp.where(time >= self.weak_from, self.effectiveness * target, target)
+
+    def kept(self, held: Scalar, moved: Scalar, time: Scalar | float) -> Scalar:
+        """Where a stuck actuator is."""
+        return jnp.where(time >= self.stuck_from, held, moved)
 
 
 class Actuator(Container):
@@ -17,6 +56,7 @@ class Actuator(Container):
         limit: largest modulus of the position [kg, m or rad].
         rate_limit: largest modulus of its rate [1/s of that], or None for no limit.
         time_constant: τ [s] of the first-order lag, or None for no lag.
+        failure: how it fails, or None for never.
 
     Raises:
         ValueError: a number is not positive.
@@ -25,25 +65,33 @@ class Actuator(Container):
     limit: Scalar = eqx.field(converter=as_float)
     rate_limit: Scalar | None = eqx.field(converter=as_float, default=None)
     time_constant: Scalar | None = eqx.field(converter=as_float, default=None)
+    failure: Failure | None = None
 
     def __check_init__(self) -> None:
         for name in ("limit", "rate_limit", "time_constant"):
             check_interval("Actuator", name, getattr(self, name), low=0.0)
 
-    def follow(self, held: Scalar, wanted: Scalar, dt: Scalar) -> Scalar:
+    def follow(
+        self, held: Scalar, wanted: Scalar, dt: Scalar, time: Scalar | float = 0.0
+    ) -> Scalar:
         """The position one tick later.
 
         Args:
             held: position now.
             wanted: command.
             dt: tick [s].
+            time: now [s]; only a failure asks for it.
         """
         target = saturate(wanted, self.limit)
+        if self.failure is not None:
+            target = self.failure.reached(target, time)
         if self.time_constant is not None:
             target = held - jnp.expm1(-dt / self.time_constant) * (target - held)
         if self.rate_limit is not None:
             reach = self.rate_limit * dt
             target = jnp.clip(target, held - reach, held + reach)
+        if self.failure is not None:
+            target = self.failure.kept(held, target, time)
         return target
 
 
@@ -52,6 +100,7 @@ def follow_all(
     held: Command[Scalar],
     wanted: Command[Scalar],
     dt: Scalar,
+    time: Scalar | float = 0.0,
 ) -> Command[Scalar]:
     """`Actuator.follow` for each of the three."""
-    return each(lambda h, w, a: a.follow(h, w, dt), held, wanted, actuators)
+    return each(lambda h, w, a: a.follow(h, w, dt, time), held, wanted, actuators)
