@@ -10,16 +10,17 @@ left out.
 
 import argparse
 import sys
+import time
 from collections.abc import Callable
 from typing import Any
 
-import measuring
 import jax
+import measuring
 import numpy as np
-
-import jaxglider
 from peers import c, numpy_loop
 from peers.problem import METRICS, Problem, metric_rows, parameter_rows
+
+import jaxglider
 
 JAXGLIDER, BEST_C, PLAIN_C = "jaxglider", "C, best", "C, plain"
 TOLERANCE = {64: (1e-9, 1e-12), 32: (1e-3, 1e-5)}
@@ -146,7 +147,9 @@ def horizon(run: Callable[[int], Any], most: int, seconds: float) -> int:
     ticks = min(20, most)
     run(ticks)
     while True:
-        (spent,) = measuring.in_turn({"": lambda: run(ticks)}, 1)[""]
+        begun = time.perf_counter()
+        run(ticks)
+        spent = time.perf_counter() - begun
         if ticks == most or spent > 0.1 * seconds:
             return int(min(most, max(20, ticks * seconds / spent)))
         ticks = min(most, 4 * ticks)
@@ -204,21 +207,26 @@ def tables(result: dict[str, Any]) -> str:
 def draw(result: dict[str, Any], options: argparse.Namespace) -> None:
     """Speed against batch on one core, and on all."""
     cores = sorted({row["cores"] for row in result["speed"]})
+    peers = dict.fromkeys(n for row in result["speed"] for n in row["peers"])
+    colours = {name: f"C{i}" for i, name in enumerate(sorted(peers))}
     whole, axes = measuring.drawing(len(cores))
     for panel, number in zip(axes, cores, strict=True):
         rows = [row for row in result["speed"] if row["cores"] == number]
-        for name in dict.fromkeys(n for row in rows for n in row["peers"]):
+        for name, colour in colours.items():
             points = [
                 (row["batch"], row["peers"][name]["million_ticks_per_s"])
                 for row in rows
                 if name in row["peers"]
             ]
-            panel.loglog(*zip(*points, strict=True), marker="o", ms=3, label=name)
+            if points:
+                size, speed = zip(*points, strict=True)
+                panel.loglog(size, speed, "o-", ms=3, color=colour, label=name)
+        measuring.label_sizes(panel, [row["batch"] for row in rows])
         panel.set_xlabel("members")
         panel.set_title(f"{number} core" + ("s" if number > 1 else ""), fontsize=9)
         panel.grid(alpha=0.3)
     axes[0].set_ylabel("million ticks/s")
-    axes[0].legend(frameon=False, fontsize=7)
+    whole.legend(*axes[0].get_legend_handles_labels(), loc="outside right", fontsize=7)
     title = f"closed loop, FxTPPC, printed plant, float{options.precision}"
     measuring.save(whole, title, options.plot)
 

@@ -18,8 +18,7 @@ from typing import Any
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
 os.environ["XLA_FLAGS"] = (
-    os.environ.get("XLA_FLAGS", "")
-    + f" --xla_force_host_platform_device_count={CORES}"
+    os.environ.get("XLA_FLAGS", "") + f" --xla_force_host_platform_device_count={CORES}"
 ).strip()
 
 import jaxglider
@@ -32,9 +31,10 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxglider import map_members, member_keys, paper
+from jaxglider import map_members, paper
+from jaxglider.designs import MonteCarlo
 from jaxglider.io import provenance, replacing
-from jaxglider.vehicle.uncertainty import UniformUncertainty
+from jaxglider.vehicle.parameters import UNCERTAIN
 
 SPREAD = 0.2
 """Half width of every uncertain parameter of the members."""
@@ -58,13 +58,14 @@ def say(text: str) -> None:
 
 def draw_members(nominal: Any, count: int, precision: int) -> Any:
     """Parameters of `count` gliders: the same ones in either precision."""
-    with jax.enable_x64(True):
-        wide = jax.tree.map(lambda x: jnp.asarray(float(x)), nominal)
-        spread = UniformUncertainty(SPREAD)
-        keys = member_keys(0, count)
-        drawn = jax.device_get(jax.vmap(lambda key: spread.sample(key, wide))(keys))
+    rows = MonteCarlo(0, UNCERTAIN).rows(0, count)
+    factors = dict(zip(UNCERTAIN, 1.0 + SPREAD * (2.0 * rows.T - 1.0), strict=True))
     kind = np.float64 if precision == 64 else np.float32
-    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x, kind)), drawn)
+    drawn = {
+        name: jnp.asarray(float(value) * factors.get(name, np.ones(count)), kind)
+        for name, value in vars(nominal).items()
+    }
+    return type(nominal)(**drawn)
 
 
 def batch_of(
@@ -132,11 +133,6 @@ def spread_of(seconds: Sequence[float]) -> float:
     return max(seconds) / min(seconds)
 
 
-def exponent(sizes: Sequence[float], costs: Sequence[float]) -> float:
-    """p of cost ∝ size^p, by least squares in logarithms."""
-    return float(np.polyfit(np.log(sizes), np.log(costs), 1)[0])
-
-
 def machine() -> str:
     """Processor, cores and versions, in a line."""
     about = provenance()
@@ -167,6 +163,20 @@ def drawing(panels: int) -> tuple[Figure, Any]:
     """A figure with panels side by side."""
     whole = Figure(figsize=(3.6 * panels, 3.2), layout="constrained")
     return whole, whole.subplots(1, panels, squeeze=False)[0]
+
+
+def label_sizes(panel: Any, sizes: Sequence[int]) -> None:
+    """Name exactly these sizes on a logarithmic horizontal axis."""
+    panel.set_xticks(sizes, [str(size) for size in sizes])
+    panel.minorticks_off()
+
+
+def fitted(rows: Sequence[dict[str, Any]], size: str, cost: str) -> float | None:
+    """p of cost ∝ size^p by least squares in logarithms; None for one size alone."""
+    sizes, costs = ([row[key] for row in rows] for key in (size, cost))
+    if len(set(sizes)) < 2:
+        return None
+    return float(np.polyfit(np.log(sizes), np.log(costs), 1)[0])
 
 
 def save(whole: Figure, title: str, path: Path) -> None:

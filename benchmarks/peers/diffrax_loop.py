@@ -1,10 +1,10 @@
 """The peer in diffrax: a solve for each tick, inside a scan over the ticks.
 
-The command is held over a tick and depends on the state at its start, so one solve over
-the whole horizon would have to step the controller from inside; a solve for each tick is
-how diffrax is meant to be used here. It has no classical RK4 of its own: its Runge-Kutta
-solvers are tableaus, so RK4 is one. Everything but the integration is jaxglider's own
-code, and so is the batching: what is compared is the integrator.
+The command is held over a tick and depends on the state at its start. One solve over
+the whole horizon would have to step the controller from inside the vector field, so a
+solve for each tick is the natural use. There is no classical RK4 among the solvers; a
+tableau makes one. Everything but the integration is jaxglider's own code, and so is the
+batching: what is compared is the integrator.
 """
 
 from typing import Any, ClassVar
