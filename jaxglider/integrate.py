@@ -61,21 +61,22 @@ def runge_kutta_step(
         that keeps single precision accurate over long runs.
     """
     dtype = jnp.result_type(*jax.tree.leaves(state))
-    rows = [
+    nodes, links, weights = (
         jnp.asarray(np.asarray(column), dtype)
         for column in (tableau.nodes, tableau.links, tableau.weights)
-    ]
+    )
 
-    def stage(carry: tuple[State, State], row: list[Scalar]) -> tuple:
-        offset, total = carry
+    def stage(carry: tuple[State, State], row: tuple[Scalar, ...]) -> tuple:
+        at, total = carry
         node, link, weight = row
-        slope = derivative(_add(state, offset), node)
-        total = jax.tree.map(lambda s, k: s + step * weight * k, total, slope)
-        offset = jax.tree.map(lambda k: step * link * k, slope)
-        return (offset, total), None
+        slope = derivative(at, node)
+        total = jax.tree.map(lambda s, k: s + weight * k, total, slope)
+        at = jax.tree.map(lambda s, k: s + link * k, state, slope)
+        return (at, total), None
 
     zero = jax.tree.map(jnp.zeros_like, state)
-    (_, total), _ = lax.scan(stage, (zero, zero), rows)
+    rows = (nodes, step * links, step * weights)
+    (_, total), _ = lax.scan(stage, (state, zero), rows)
     return _add(state, total)
 
 
