@@ -27,17 +27,12 @@ jaxglider.enable_fast_loops()
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
+from peers.problem import draw_members as draw_members
 
 from jaxglider import map_members, paper
-from jaxglider.designs import MonteCarlo
 from jaxglider.io import provenance, replacing
-from jaxglider.vehicle.parameters import UNCERTAIN
-
-SPREAD = 0.2
-"""Half width of every uncertain parameter of the members."""
 
 
 def arguments(description: str) -> argparse.ArgumentParser:
@@ -54,18 +49,6 @@ def arguments(description: str) -> argparse.ArgumentParser:
 def say(text: str) -> None:
     """Tell how far it is, on standard error."""
     print(text, file=sys.stderr, flush=True)
-
-
-def draw_members(nominal: Any, count: int, precision: int) -> Any:
-    """Parameters of `count` gliders: the same ones in either precision."""
-    rows = MonteCarlo(0, UNCERTAIN).rows(0, count)
-    factors = dict(zip(UNCERTAIN, 1.0 + SPREAD * (2.0 * rows.T - 1.0), strict=True))
-    kind = np.float64 if precision == 64 else np.float32
-    drawn = {
-        name: jnp.asarray(float(value) * factors.get(name, np.ones(count)), kind)
-        for name, value in vars(nominal).items()
-    }
-    return type(nominal)(**drawn)
 
 
 def batch_of(

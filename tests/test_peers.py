@@ -10,14 +10,13 @@ import jax
 import numpy as np
 import pytest
 
-from jaxglider import evaluate, map_members, member_keys, paper
+from jaxglider import evaluate, map_members, paper
 from jaxglider.vehicle.parameters import GliderParameters
-from jaxglider.vehicle.uncertainty import UniformUncertainty
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
 from peers import c, numpy_loop
-from peers.problem import METRICS, Problem, metric_rows, parameter_rows
+from peers.problem import METRICS, Problem, draw_members, metric_rows, parameter_rows
 
 TICKS, MEMBERS = 700, 19
 SURGE_MASS = [f.name for f in dataclasses.fields(GliderParameters)].index("surge_mass")
@@ -40,8 +39,7 @@ def flown():
     ]
     loop = eqx.tree_at(at, loop, [t * 0.3 for t in at(loop)])
     sea = loop.scenario.sea(jax.random.key(0))
-    spread, nominal = UniformUncertainty(0.2), loop.scenario.plant.parameters
-    members = jax.vmap(lambda k: spread.sample(k, nominal))(member_keys(0, MEMBERS))
+    members = draw_members(loop.scenario.plant.parameters, MEMBERS, 64)
 
     def member(parameters):
         where = lambda at: at.scenario.plant.parameters
@@ -120,3 +118,9 @@ def test_missing_compiler_and_refused_flag_are_named(monkeypatch):
         monkeypatch.setattr(c, "COMPILER", "gcc")
         with pytest.raises(c.CompilerError, match="no-such-flag"):
             c.library(("-fno-such-flag",), 64, 1)
+
+
+@compiler
+def test_the_program_in_c_leaves_the_arithmetic_of_the_process_alone(flown):
+    c.evaluate(*problem(flown, np.float32), TICKS)
+    assert np.float64(5e-324) * 1.0 > 0.0

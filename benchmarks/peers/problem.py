@@ -4,9 +4,15 @@ import dataclasses
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from jaxglider import ClosedLoop, Metrics
+from jaxglider.designs import MonteCarlo
+from jaxglider.vehicle.parameters import UNCERTAIN
+
+SPREAD = 0.2
+"""Half width of every uncertain parameter of the members."""
 
 CHANNELS = ("depth", "pitch", "heading")
 CHANNEL_METRICS = (
@@ -109,3 +115,15 @@ def metric_rows(metrics: Metrics) -> np.ndarray:
         return np.asarray(getattr(owner, last), float)
 
     return np.stack([row(name) for name in METRICS])
+
+
+def draw_members(nominal: Any, count: int, precision: int) -> Any:
+    """Parameters of `count` gliders: the same ones in either precision."""
+    rows = MonteCarlo(0, UNCERTAIN).rows(0, count)
+    factors = dict(zip(UNCERTAIN, 1.0 + SPREAD * (2.0 * rows.T - 1.0), strict=True))
+    kind = np.float64 if precision == 64 else np.float32
+    drawn = {
+        name: jnp.asarray(float(value) * factors.get(name, np.ones(count)), kind)
+        for name, value in vars(nominal).items()
+    }
+    return type(nominal)(**drawn)
