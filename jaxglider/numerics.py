@@ -101,6 +101,23 @@ def _once_jvp(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, 
     return once(*primals), tangents[0]
 
 
+@jax.custom_jvp
+def faded(x: Scalar, share: Scalar) -> Scalar:
+    """The same number, of whose derivative only a share goes on.
+
+    Once a tick on what a closed loop remembers, it makes the gradient of a long run
+    forget: see `rollout.evaluate`.
+    """
+    return x
+
+
+@faded.defjvp
+def _faded_jvp(
+    primals: tuple[Scalar, Scalar], tangents: tuple[Scalar, Scalar]
+) -> tuple[Scalar, Scalar]:
+    return primals[0], primals[1] * tangents[0]
+
+
 def smooth_abs(x: Scalar, smoothing: Scalar) -> Scalar:
     """Smoothed modulus, sqrt(x² + δ²): positive, and its slope at zero is zero."""
     return jnp.sqrt(x * x + smoothing * smoothing)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider._types import Series
-from jaxglider.ensemble import map_members
+from tuning.batch import losses, size
 from tuning.derivative_free import (
     GRADIENT_COST,
     cma_es,
@@ -23,13 +23,14 @@ SPREAD = 0.5
 
 
 def black_box(
-    method: str, task: Task, settings: Settings, progress: Progress
+    method: str, task: Task, start: Series, settings: Settings, progress: Progress
 ) -> tuple[Series, list[Step], bool]:
     """Search with the budget that the descent of these settings would have.
 
     Args:
         method: `cma` or `random`.
         task: what to tune.
+        start: free numbers to start from.
         settings: of the descent; steps, copies and seed are used.
         progress: where to show progress.
 
@@ -37,26 +38,25 @@ def black_box(
         The free numbers that are best on the validation members, the history, and
         whether the search was interrupted.
     """
-    members = int(jax.tree.leaves(task.training)[0].shape[0])
+    members = size(task.training)
     lanes = members * -(-settings.copies // members)
     budget = settings.steps * GRADIENT_COST * lanes
-    start = task.space.read(task.loop)
-    size = default_population(int(start.shape[0]))
+    population = default_population(int(start.shape[0]))
     search = {"cma": cma_es, "random": random_search}[method](
-        _losses(task, start),
+        _losses(task, start, task.training),
         start,
         budget,
-        size,
+        population,
         SPREAD,
         settings.seed,
         members=members,
     )
-    validate = jax.jit(lambda free: _ensemble_loss(task, free, task.validation))
+    validate = _losses(task, start, task.validation)
     history: list[Step] = []
     try:
         for found in search:
             free = jnp.asarray(found.free, start.dtype)
-            validation = float(validate(free))
+            validation = float(validate(free[None])[0])
             best = min((s.validation for s in history), default=np.inf)
             better = validation < best
             history.append(
@@ -84,19 +84,12 @@ def black_box(
     return _best(history), history, False
 
 
-def _losses(task: Task, start: Series) -> Any:
-    """Compiled: the objective of each row of free numbers on all training members."""
-
-    @jax.jit
-    def losses(rows: jax.Array) -> jax.Array:
-        return jax.lax.map(lambda free: _ensemble_loss(task, free, task.training), rows)
-
-    return lambda rows: losses(jnp.asarray(rows, start.dtype))
-
-
-def _ensemble_loss(task: Task, free: Series, members: Any) -> Any:
-    costs = map_members(lambda member: task.loss(free, member), members)
-    return task.aggregate(costs)[0]
+def _losses(task: Task, start: Series, members: Any) -> Any:
+    """Compiled: the objective of each row of free numbers on some members."""
+    run = jax.jit(
+        lambda rows: losses(task.loss, rows, members, task.aggregate, jax.devices())
+    )
+    return lambda rows: run(jnp.asarray(rows, start.dtype))
 
 
 def _best(history: list[Step]) -> Series:

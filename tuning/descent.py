@@ -1,37 +1,34 @@
 """Gradient descent through the rollout, over an ensemble.
 
-The exact gradient at one point is a poor guide on long horizons: where the loop
-oscillates, its phase at each change of the reference decides the error, and the
-derivative of that is large and of either sign. `jaxglider check-gradients` shows its
-norm change by orders of magnitude within a few percent of tuned gains. So each lane of
-the ensemble has its own copy of the gains, scattered by a few percent, and its gradient
-is clipped to norm one before the lanes are combined.
+The exact gradient of a long run is a poor guide: where the loop oscillates it grows by
+orders of magnitude with the horizon and changes within a few percent of the gains
+(`jaxglider check-gradients` shows it). Three things make it useful, each measured in
+`benchmarks/bench_tuning.py`: the gradient forgets what was long ago
+(`rollout.evaluate`); each lane of the ensemble has its own copy of the gains, scattered
+by a few percent; and its gradient is clipped to norm one before the lanes are combined.
 
 A step that makes the objective much worse, or not finite, is refused: back to the gains
 with the best objective so far, with half the step. What is returned is another matter:
-the gains that are best on members the descent does not see.
+the gains that are best on members the descent does not see. The steps shrink along half
+a cosine. Several descents from scattered starts can run side by side.
 """
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import jax.random as jr
-import optax
+import numpy as np
 
-from jaxglider._types import Scalar, Series
+from jaxglider._types import Series
 from jaxglider.ensemble import map_members
+from jaxglider.gradient import value_and_gradient
+from tuning.batch import FAILED, Loss, counted, losses, paired, size
 from tuning.objective import Aggregate, scattered
-
-Loss = Callable[[Series, Any], Scalar]
-
-OPTIMISERS: dict[str, Callable[..., optax.GradientTransformation]] = {
-    name: getattr(optax, name)
-    for name in ("adam", "amsgrad", "nadam", "rmsprop", "sgd", "lion")
-}
+from tuning.optimisers import make_optimiser
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,35 +37,35 @@ class Settings:
 
     Attributes:
         steps: number of gradient steps.
-        learning_rate: of the optimiser, in free numbers (the logarithm of a gain).
-        optimiser: one of `OPTIMISERS`.
+        learning_rate: of the first step, in free numbers (the logarithm of a gain).
+        optimiser: name of an optimiser of optax.
         copies: fewest lanes of a gradient; fewer members are used more than once.
         spread: standard deviation of the copies, in free numbers.
         worse: a step to more than this times the best objective is refused.
         patience: stop after this many steps without progress on the validation set.
         progress: what counts as progress, relative.
-        seed: of the copies.
+        starts: number of descents side by side; all but the first from scattered gains.
+        start_spread: standard deviation of the starts, in free numbers.
+        seed: of copies and starts.
 
     Raises:
         ValueError: a number outside its range, or an unknown optimiser.
     """
 
-    steps: int = 80
-    learning_rate: float = 0.1
+    steps: int = 200
+    learning_rate: float = 0.3
     optimiser: str = "adam"
     copies: int = 8
     spread: float = 0.05
     worse: float = 1.25
-    patience: int = 40
+    patience: int = 100
     progress: float = 1e-3
+    starts: int = 1
+    start_spread: float = 0.5
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.optimiser not in OPTIMISERS:
-            raise ValueError(
-                f"optimizer must be one of {', '.join(OPTIMISERS)}; "
-                f"received {self.optimiser!r}."
-            )
+        make_optimiser(self.optimiser)
         rules = {
             "steps": (self.steps >= 1, "at least 1"),
             "learning_rate": (0.0 < self.learning_rate < float("inf"), "positive"),
@@ -77,6 +74,8 @@ class Settings:
             "worse": (self.worse > 1.0, "above 1"),
             "patience": (self.patience >= 1, "at least 1"),
             "progress": (self.progress >= 0.0, "zero or positive"),
+            "starts": (self.starts >= 1, "at least 1"),
+            "start_spread": (0.0 < self.start_spread < float("inf"), "positive"),
         }
         for name, (holds, rule) in rules.items():
             if not holds:
@@ -87,15 +86,17 @@ class Settings:
 
 
 class State(eqx.Module):
-    """Where a descent stands: all that its next step depends on.
+    """Where the descents stand, one row each: all that their next step depends on.
 
     Attributes:
         number: steps made.
         free: free numbers now.
         slope: gradient there.
         loss: objective there.
-        optimiser: its state, the learning rate with it.
+        optimiser: its state.
+        shrink: share of the learning rate in force; halved with each refusal.
         best_free: where the objective was lowest.
+        best_slope: the gradient there.
         best_loss: the objective there.
         chosen: free numbers that are best on the validation set.
         chosen_loss: validation objective there.
@@ -103,20 +104,26 @@ class State(eqx.Module):
     """
 
     number: jax.Array
-    free: Series
-    slope: Series
-    loss: Scalar
+    free: jax.Array
+    slope: jax.Array
+    loss: Series
     optimiser: Any
-    best_free: Series
-    best_loss: Scalar
-    chosen: Series
-    chosen_loss: Scalar
+    shrink: Series
+    best_free: jax.Array
+    best_slope: jax.Array
+    best_loss: Series
+    chosen: jax.Array
+    chosen_loss: Series
     since: jax.Array
+
+    def leader(self) -> int:
+        """The descent that is best on the validation set so far."""
+        return int(np.argmin(np.asarray(self.chosen_loss)))
 
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """One step of a descent, as reported.
+    """One step, of the descent that leads after it, as reported.
 
     Attributes:
         number: of the step; 0 is the start.
@@ -138,7 +145,7 @@ class Step:
 
 
 class Descent:
-    """A descent on one ensemble: compiled once, stepped as often as wanted."""
+    """Descents on one ensemble: compiled once, stepped as often as wanted."""
 
     def __init__(
         self,
@@ -147,6 +154,9 @@ class Descent:
         validation: Any,
         settings: Settings,
         aggregate: Aggregate | None = None,
+        *,
+        guide: Loss | None = None,
+        devices: Sequence[jax.Device] | None = None,
     ) -> None:
         """Prepare.
 
@@ -156,117 +166,146 @@ class Descent:
             validation: members to choose by.
             settings: how to descend.
             aggregate: how members' objectives become one; the mean by default.
+            guide: what is differentiated instead of `loss`; of the same values.
+            devices: to spread the members over.
         """
         self.settings = settings
+        self._loss, self._guide = loss, guide or loss
         self._aggregate = aggregate or Aggregate()
-        self._training, self._validation = training, validation
-        self._loss = loss
-        self._gradient = jax.jit(self._scattered_gradient)
-        self._validate = jax.jit(self._mean_loss)
-        self._optimiser = optax.inject_hyperparams(OPTIMISERS[settings.optimiser])(
-            learning_rate=settings.learning_rate
-        )
+        self._devices = devices
+        self._members = training, validation
+        self._optimiser = make_optimiser(settings.optimiser)
+        self._begin = jax.jit(self._started)
+        self._step = jax.jit(self._stepped)
 
     def start(self, free: Series) -> State:
-        """The state before the first step.
+        """The state before the first step; further starts are scattered around it.
 
         Raises:
-            FloatingPointError: the objective is not finite there.
+            FloatingPointError: the objective is not finite at any of the starts.
         """
-        loss, slope = self._gradient(free, self._key(0), self._training)
-        validation = self._validate(free, self._validation)
-        if not bool(jnp.isfinite(loss) & jnp.all(jnp.isfinite(slope))):
-            raise FloatingPointError(
-                "the objective or its gradient is not finite at the starting gains; "
-                "start from gains that complete the run for every member."
-            )
-        zero = jnp.asarray(0, jnp.int32)
-        optimiser = self._optimiser.init(free)
-        return State(
-            zero, free, slope, loss, optimiser, free, loss, free, validation, zero
+        settings = self.settings
+        offsets = settings.start_spread * jr.normal(
+            jr.fold_in(jr.key(settings.seed), 2**31),
+            (settings.starts, free.shape[0]),
+            free.dtype,
         )
+        state: State = self._begin(free + offsets.at[0].set(0.0), self._members)
+        if not np.any(np.asarray(state.loss) < FAILED):
+            raise FloatingPointError(
+                "the objective is not finite at the starting gains, for no member; "
+                "start from gains that complete the run (--gains), or scatter several "
+                "starts around these (--starts)."
+            )
+        return state
 
     def advance(self, state: State) -> tuple[State, Step]:
-        """One step."""
-        update, optimiser = self._optimiser.update(
-            state.slope, state.optimiser, state.free
+        """One step of every descent."""
+        state, tried, loss, validation, refused, rate = self._step(state, self._members)
+        j = state.leader()
+        validation = np.asarray(validation)
+        step = Step(
+            int(state.number),
+            float(loss[j]),
+            float(validation[j]),
+            tried[j],
+            bool(refused[j]),
+            bool(validation[j] == np.asarray(state.chosen_loss)[j]),
+            float(rate[j]),
         )
-        number = int(state.number) + 1
-        rate = float(state.optimiser.hyperparams["learning_rate"])
-        tried = jnp.asarray(optax.apply_updates(state.free, update))
-        loss, slope = self._gradient(tried, self._key(number), self._training)
-        validation = self._validate(tried, self._validation)
-        fine = bool(jnp.isfinite(loss) & jnp.all(jnp.isfinite(slope)))
-        if not fine or float(loss) > self.settings.worse * float(state.best_loss):
-            step = Step(
-                number, float(loss), float(validation), tried, True, False, rate
-            )
-            return self._go_back(state, number), step
-        better = float(loss) < float(state.best_loss)
-        chosen = float(validation) < float(state.chosen_loss)
-        progress = float(validation) < float(state.chosen_loss) * (
-            1.0 - self.settings.progress
-        )
-        following = State(
-            jnp.asarray(number, jnp.int32),
-            tried,
-            slope,
-            loss,
-            optimiser,
-            tried if better else state.best_free,
-            loss if better else state.best_loss,
-            tried if chosen else state.chosen,
-            validation if chosen else state.chosen_loss,
-            jnp.asarray(0, jnp.int32) if progress else state.since + 1,
-        )
-        step = Step(number, float(loss), float(validation), tried, False, chosen, rate)
-        return following, step
+        return state, step
 
     def run(self, state: State) -> Iterator[tuple[State, Step]]:
-        """Step until the steps are used up or a plateau is reached."""
+        """Step until the steps are used up or every descent is on a plateau."""
         settings = self.settings
         while (
-            int(state.number) < settings.steps and int(state.since) < settings.patience
+            int(state.number) < settings.steps
+            and int(np.min(np.asarray(state.since))) < settings.patience
         ):
             state, step = self.advance(state)
             yield state, step
 
-    def _go_back(self, state: State, number: int) -> State:
-        """Back to the best objective so far, the optimiser anew with half the step."""
-        free = state.best_free
-        loss, slope = self._gradient(free, self._key(number), self._training)
-        optimiser = self._optimiser.init(free)
-        rate = 0.5 * state.optimiser.hyperparams["learning_rate"]
-        optimiser.hyperparams["learning_rate"] = rate
-        return dataclasses.replace(
-            state,
-            number=jnp.asarray(number, jnp.int32),
-            free=free,
-            slope=slope,
-            loss=loss,
-            optimiser=optimiser,
-            since=state.since + 1,
+    def _started(self, free: jax.Array, members: tuple[Any, Any]) -> State:
+        loss, slope = self._gradients(free, jnp.asarray(0), members[0])
+        validation = self._validated(free, members[1])
+        zero = jnp.zeros(free.shape[0], jnp.int32)
+        return State(
+            jnp.asarray(0, jnp.int32),
+            free,
+            slope,
+            loss,
+            jax.vmap(self._optimiser.init)(free),
+            jnp.ones_like(loss),
+            free,
+            slope,
+            loss,
+            free,
+            validation,
+            zero,
         )
 
-    def _key(self, number: int) -> jax.Array:
-        return jr.fold_in(jr.key(self.settings.seed), number)
+    def _stepped(self, state: State, members: tuple[Any, Any]) -> tuple[Any, ...]:
+        settings, number = self.settings, state.number + 1
+        turn = jnp.pi * state.number / settings.steps
+        rate = settings.learning_rate * state.shrink * 0.5 * (1.0 + jnp.cos(turn))
+        update, optimiser = jax.vmap(self._optimiser.update)(
+            state.slope, state.optimiser, state.free
+        )
+        tried = state.free + rate[:, None] * update
+        loss, slope = self._gradients(tried, number, members[0])
+        validation = self._validated(tried, members[1])
+        refused = ~(loss <= settings.worse * state.best_loss)
+        better = ~refused & (loss < state.best_loss)
+        chosen = ~refused & (validation < state.chosen_loss)
+        target = state.chosen_loss * (1.0 - settings.progress)
+        progress = ~refused & (validation < target)
 
-    def _scattered_gradient(
-        self, free: Series, key: jax.Array, members: Any
-    ) -> tuple[Scalar, Series]:
-        count = jax.tree.leaves(members)[0].shape[0]
-        times = -(-self.settings.copies // count)
-        lanes = jax.tree.map(lambda x: jnp.repeat(x, times, axis=0), members)
-        copies = scattered(free, key, count * times, self.settings.spread)
+        def either(flags: jax.Array, yes: Any, no: Any) -> Any:
+            def pick(a: jax.Array, b: jax.Array) -> jax.Array:
+                return jnp.where(flags.reshape(-1, *(1,) * (a.ndim - 1)), a, b)
+
+            return jax.tree.map(pick, yes, no)
+
+        fresh = jax.vmap(self._optimiser.init)(state.best_free)
+        following = State(
+            number,
+            either(refused, state.best_free, tried),
+            either(refused, state.best_slope, slope),
+            either(refused, state.best_loss, loss),
+            either(refused, fresh, optimiser),
+            jnp.where(refused, 0.5, 1.0) * state.shrink,
+            either(better, tried, state.best_free),
+            either(better, slope, state.best_slope),
+            either(better, loss, state.best_loss),
+            either(chosen, tried, state.chosen),
+            either(chosen, validation, state.chosen_loss),
+            jnp.where(progress, 0, state.since + 1),
+        )
+        return following, tried, loss, validation, refused, rate
+
+    def _validated(self, free: jax.Array, members: Any) -> Series:
+        return losses(self._loss, free, members, self._aggregate, self._devices)
+
+    def _gradients(
+        self, free: jax.Array, number: jax.Array, members: Any
+    ) -> tuple[Series, jax.Array]:
+        """Objective and clipped gradient of each row, over scattered copies of it."""
+        count = size(members)
+        lanes = count * -(-self.settings.copies // count)
+        key = jr.fold_in(jr.key(self.settings.seed), number)
+        copies = jax.vmap(lambda x: scattered(x, key, lanes, self.settings.spread))(
+            free
+        )
+        slope_of = value_and_gradient(self._guide, members=free.shape[0] * lanes)
         values, slopes = map_members(
-            lambda lane: jax.value_and_grad(self._loss)(*lane), (copies, lanes)
+            lambda lane: slope_of(*lane),
+            paired(copies, members),
+            devices=self._devices,
         )
+        values = values.reshape(-1, lanes)
         norm = jnp.linalg.norm(slopes, axis=1, keepdims=True)
         clipped = jnp.where(norm > 1.0, slopes / norm, slopes)
-        value, weights = self._aggregate(values)
-        return value, jnp.sum(weights[:, None] * clipped, axis=0)
-
-    def _mean_loss(self, free: Series, members: Any) -> Scalar:
-        costs = map_members(lambda member: self._loss(free, member), members)
-        value, _ = self._aggregate(costs)
-        return value
+        usable = jnp.isfinite(norm) & jnp.isfinite(values.reshape(-1, 1))
+        clipped = jnp.where(usable, clipped, 0.0).reshape(-1, lanes, free.shape[1])
+        value, weights = jax.vmap(self._aggregate)(counted(values))
+        return value, jnp.sum(weights[:, :, None] * clipped, axis=1)

@@ -1,13 +1,17 @@
 """What tuning makes small: a weighted sum for each member, and one number for all.
 
-Tracking, effort and chattering are each taken relative to what the starting gains give,
-so weights can be read: the default counts tracking alone, and is 3 at the start. Of the
-smooth penalties, `crowding` keeps the errors inside their funnels, `roll` the glider
-upright, and `saturation` the command within what the actuators follow.
+Tracking, effort and chattering are each taken relative to what the starting gains give
+on the nominal case, so weights can be read. Of the smooth penalties, `crowding` keeps
+the errors inside their funnels, `roll` the glider upright, and `saturation` the command
+within what the actuators follow.
+
+A cost of the user's own takes the place of all this: see `load_cost`.
 """
 
 import dataclasses
-from typing import Any
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -16,14 +20,16 @@ import jax.random as jr
 
 from jaxglider._types import Scalar, Series
 from jaxglider.metrics import Metrics
-from jaxglider.signals import Channels, each
 
 CHANNELS = ("depth", "pitch", "heading")
+Cost = Callable[[Metrics, Metrics], Scalar]
 
 
 @dataclasses.dataclass(frozen=True)
 class Weights:
     """How much each term counts.
+
+    A term of the channels takes one number for all three, or three in their order.
 
     Attributes:
         tracking: L2[e] over its start, each channel.
@@ -38,23 +44,47 @@ class Weights:
         ValueError: a weight is negative or not finite, or all are zero.
     """
 
-    tracking: float = 1.0
-    effort: float = 0.0
-    chattering: float = 0.0
-    crowding: float = 0.0
+    tracking: float | tuple[float, ...] = 1.0
+    effort: float | tuple[float, ...] = 0.0
+    chattering: float | tuple[float, ...] = 0.0
+    crowding: float | tuple[float, ...] = 0.0
     roll: float = 0.0
     roll_limit: float = 1.3
-    saturation: float = 0.0
+    saturation: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:
-        values = dataclasses.asdict(self)
-        for name, value in values.items():
-            if not 0.0 <= value < float("inf"):
+        values = {
+            field.name: by_channel(getattr(self, field.name))
+            for field in dataclasses.fields(self)
+        }
+        for name, weights in values.items():
+            if len(weights) != len(CHANNELS):
                 raise ValueError(
-                    f"weight {name} must be zero or positive; received {value}."
+                    f"weight {name} must be one number or three, for "
+                    f"{', '.join(CHANNELS)}; received {list(weights)}."
                 )
-        if not any(v for name, v in values.items() if name != "roll_limit"):
+            if not all(0.0 <= value < float("inf") for value in weights):
+                raise ValueError(
+                    f"weight {name} must be zero or positive; "
+                    f"received {getattr(self, name)}."
+                )
+        if not any(any(v) for name, v in values.items() if name != "roll_limit"):
             raise ValueError("all weights are zero: nothing to tune for.")
+
+
+def by_channel(weight: float | tuple[float, ...]) -> tuple[float, ...]:
+    """A weight for each channel."""
+    return weight if isinstance(weight, tuple) else (weight,) * len(CHANNELS)
+
+
+TERMS = {
+    # term of the channels: its measure, and whether it is relative to the start
+    "tracking": ("rms_error", True),
+    "effort": ("rms_effort", True),
+    "chattering": ("chattering", True),
+    "crowding": ("funnel_crowding", False),
+    "saturation": ("saturation_excess", False),
+}
 
 
 class Objective(eqx.Module):
@@ -63,47 +93,74 @@ class Objective(eqx.Module):
     Attributes:
         start: metrics with the starting gains, what the terms are relative to.
         weights: how much each term counts.
+        cost: of the user's own, taken instead; see `load_cost`.
     """
 
     start: Metrics
     weights: Weights = eqx.field(static=True, default=Weights())
+    cost: Cost | None = eqx.field(static=True, default=None)
 
     def __call__(self, metrics: Metrics) -> Scalar:
-        """The weighted sum of the terms."""
-        return sum(
-            getattr(self.weights, name) * value
-            for name, value in self.terms(metrics).items()
+        """The weighted sum of the terms, or the user's own cost."""
+        if self.cost is not None:
+            return self.cost(metrics, self.start)
+        total = self.weights.roll * self.roll_excess(metrics)
+        for name, values in self.terms(metrics).items():
+            for weight, value in zip(
+                by_channel(getattr(self.weights, name)), values, strict=True
+            ):
+                total = total + weight * value
+        return total
+
+    def terms(self, metrics: Metrics) -> dict[str, tuple[Scalar, ...]]:
+        """Each term of the channels without its weights, in their order."""
+        return {name: self._channels(metrics, *how) for name, how in TERMS.items()}
+
+    def roll_excess(self, metrics: Metrics) -> Scalar:
+        """max(max |φ| − roll_limit, 0)² [rad²]."""
+        over = jnp.maximum(metrics.max_roll - self.weights.roll_limit, 0.0)
+        return over * over
+
+    def _channels(
+        self, metrics: Metrics, measure: str, relative: bool
+    ) -> tuple[Scalar, ...]:
+        def value(of: Metrics, channel: str) -> Scalar:
+            return getattr(getattr(of.channels, channel), measure)
+
+        if not relative:
+            return tuple(value(metrics, c) for c in CHANNELS)
+        return tuple(
+            value(metrics, c) / (value(self.start, c) + 1e-12) for c in CHANNELS
         )
 
-    def terms(self, metrics: Metrics) -> dict[str, Scalar]:
-        """Each term without its weight."""
 
-        def relative(name: str) -> Scalar:
-            ratios = each(
-                lambda now, start: getattr(now, name) / (getattr(start, name) + 1e-12),
-                metrics.channels,
-                self.start.channels,
-            )
-            return _total(ratios)
+def load_cost(where: str) -> Cost:
+    """A cost function of the user's own, from `path.py:function`.
 
-        def plain(name: str) -> Scalar:
-            return _total(
-                each(lambda channel: getattr(channel, name), metrics.channels)
-            )
+    It is called with the metrics of a run and those of the starting gains on the
+    nominal case, and must be differentiable by JAX.
 
-        over = jnp.maximum(metrics.max_roll - self.weights.roll_limit, 0.0)
-        return {
-            "tracking": relative("rms_error"),
-            "effort": relative("rms_effort"),
-            "chattering": relative("chattering"),
-            "crowding": plain("funnel_crowding"),
-            "roll": over * over,
-            "saturation": plain("saturation_excess"),
-        }
-
-
-def _total(channels: Channels[Any]) -> Scalar:
-    return channels.depth + channels.pitch + channels.heading
+    Raises:
+        ValueError: there is no such file or function.
+    """
+    path, _, name = where.rpartition(":")
+    if not path or not Path(path).is_file():
+        raise ValueError(
+            f"--cost must be FILE.py:FUNCTION with an existing file; "
+            f"received {where!r}."
+        )
+    spec = importlib.util.spec_from_file_location("_users_cost", path)
+    if spec is None or spec.loader is None:
+        raise ValueError(f"--cost: {path} is no Python file.")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise ValueError(f"--cost: {path} cannot be run: {error!r}.") from error
+    cost = getattr(module, name, None)
+    if not callable(cost):
+        raise ValueError(f"--cost: {path} has no function {name!r}.")
+    return cost
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,11 +10,14 @@ import jax
 
 from jaxglider import paper
 from jaxglider._toml import ConfigError, Table, read_toml
-from jaxglider.config import load_gains
+from jaxglider.config import load_gains, load_uncertainty
 from jaxglider.ensemble import map_members
 from jaxglider.metrics import Metrics
 from jaxglider.quantities import uniform_uncertainty
 from jaxglider.rollout import ClosedLoop, evaluate
+from jaxglider.scenario import Scenario
+from jaxglider.uncertainty import Uncertainty
+from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.plant import SmallAnglePlant
 from tuning.members import (
     TEST,
@@ -25,18 +28,28 @@ from tuning.members import (
     sample_members,
     with_member,
 )
-from tuning.objective import Aggregate, Objective, Weights
+from tuning.objective import (
+    CHANNELS,
+    TERMS,
+    Aggregate,
+    Objective,
+    Weights,
+    load_cost,
+)
 from tuning.space import Space
 
 DEFAULT_FREE = {
-    "fxtppc": ("controller.gains.*.k1", "controller.gains.*.k2"),
-    "ppc": ("controller.l0", "controller.l1_margin", "controller.l2"),
-    "smc": ("controller.c0", "controller.c1", "controller.c2"),
+    "fxtppc": ("controller", "observer"),
+    "ppc": ("controller", "observer"),
+    "smc": ("controller",),
 }
-"""Which numbers are tuned where the user does not say."""
+"""Which numbers are tuned where the user does not say: all of the law's own."""
 
 DEFAULT_WEIGHTS = Weights(tracking=1.0, chattering=0.005, crowding=20.0, roll=5.0)
 """Tracking first; the rest keeps it in the funnel, upright, and off the buzzer."""
+
+GRADIENT_MEMORY = 60.0
+"""How long the gradient that is descended remembers [s]; see `rollout.evaluate`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,6 +65,7 @@ class Task:
         training: members to descend on.
         validation: members to choose by.
         test: members for the verdict alone.
+        gradient_memory: of the gradient that is descended [s]; None for the exact one.
     """
 
     kind: str
@@ -62,20 +76,32 @@ class Task:
     training: Member
     validation: Member
     test: Member
+    gradient_memory: float | None = None
 
     def loss(self, free: Any, member: Member) -> Any:
         """The objective of free numbers on one member; pure."""
         return self.objective(self.metrics(free, member))
 
-    def metrics(self, free: Any, member: Member) -> Metrics:
+    def guide(self, free: Any, member: Member) -> Any:
+        """The same, with a derivative that forgets what was long ago; pure."""
+        return self.objective(self.metrics(free, member, self.gradient_memory))
+
+    def metrics(
+        self, free: Any, member: Member, gradient_memory: float | None = None
+    ) -> Metrics:
         """The metrics of free numbers on one member; pure."""
-        return evaluate(*with_member(self.space.write(self.loop, free), member))
+        run = with_member(self.space.write(self.loop, free), member)
+        return evaluate(*run, gradient_memory=gradient_memory)
 
     def on_members(self) -> Callable[[ClosedLoop, Member], Metrics]:
         """Compiled: the metrics of a closed loop on each of some members."""
 
         def run(loop: ClosedLoop, members: Member) -> Metrics:
-            return map_members(lambda m: evaluate(*with_member(loop, m)), members)
+            return map_members(
+                lambda m: evaluate(*with_member(loop, m)),
+                members,
+                devices=jax.devices(),
+            )
 
         return jax.jit(run)
 
@@ -85,36 +111,69 @@ def build_task(options: argparse.Namespace) -> Task:
 
     Raises:
         ValueError: an option or a file cannot be used.
-        FloatingPointError: the starting gains do not complete the nominal run.
     """
-    kind, loop = _starting_loop(options)
+    kind, loop, model = _starting_loop(options)
+    uncertainty = _uncertainty(options, loop.scenario)
+    loop = dataclasses.replace(loop, scenario=uncertainty.scenario)
     weights, aggregate = read_objective(options.objective)
     if options.aggregate:
         aggregate = dataclasses.replace(aggregate, kind=options.aggregate)
+    cost = load_cost(options.cost) if options.cost else None
     paths = tuple(options.free) or DEFAULT_FREE[kind]
     constraints = () if options.unconstrained else ("k1-below-k2-squared",)
     space = Space.of(loop, paths, constraints)
-    uncertainty = uniform_uncertainty(
-        loop.scenario, options.uncertainty, options.amplitude, options.position
-    )
 
     def draw(which: int, count: int) -> Member:
         if options.members == 1:
             return nominal_member(loop)
         return sample_members(uncertainty, options.seed, which, count)
 
-    sets = (
+    return Task(
+        kind,
+        loop,
+        space,
+        Objective(_reference(loop, kind, options.scenario, model), weights, cost),
+        aggregate,
         draw(TRAINING, options.members),
         draw(VALIDATION, options.validation),
         draw(TEST, options.test),
+        options.gradient_memory or None,
     )
-    start = jax.jit(evaluate)(*with_member(loop, _first(nominal_member(loop))))
-    if not bool(start.finite):
-        raise FloatingPointError(
-            "the starting gains do not complete the nominal run; start from others "
-            "(--gains)."
-        )
-    return Task(kind, loop, space, Objective(start, weights), aggregate, *sets)
+
+
+def _uncertainty(options: argparse.Namespace, scenario: Scenario) -> Uncertainty:
+    """What differs between members: one half width for all, or what a file says."""
+    if isinstance(options.uncertainty, Path):
+        if options.amplitude is not None or options.position is not None:
+            raise ValueError(
+                "--amplitude and --position go with a number for --uncertainty; "
+                f"{options.uncertainty} says itself how far waves and starts differ."
+            )
+        return load_uncertainty(options.uncertainty, scenario)
+    half = options.uncertainty
+    return uniform_uncertainty(
+        scenario,
+        half,
+        half if options.amplitude is None else options.amplitude,
+        options.position or 0.0,
+    )
+
+
+def _reference(
+    loop: ClosedLoop, kind: str, scenario: str, model: DesignModel
+) -> Metrics:
+    """The nominal run with the starting gains, or with the paper's if that fails."""
+    run = jax.jit(evaluate)
+    member = jax.tree.map(lambda x: x[0], nominal_member(loop))
+    start: Metrics = run(*with_member(loop, member))
+    if bool(start.finite):
+        return start
+    paper_loop = dataclasses.replace(
+        loop,
+        controller=paper.make_controller(kind, scenario, model),
+        observer=paper.make_observer(kind, model),
+    )
+    return run(*with_member(paper_loop, member))
 
 
 def read_objective(path: Path | None) -> tuple[Weights, Aggregate]:
@@ -133,9 +192,7 @@ def read_objective(path: Path | None) -> tuple[Weights, Aggregate]:
             values: dict[str, Any] = {}
             for field in dataclasses.fields(default):
                 name = "roll_limit_rad" if field.name == "roll_limit" else field.name
-                old = getattr(default, field.name)
-                read = table.text if isinstance(old, str) else table.number
-                values[field.name] = read(name, old)
+                values[field.name] = _read(table, name, getattr(default, field.name))
             table.close()
             parts.append(_built(type(default), key, values))
         top.close()
@@ -145,6 +202,19 @@ def read_objective(path: Path | None) -> tuple[Weights, Aggregate]:
     return parts[0], parts[1]
 
 
+def _read(table: Table, name: str, old: Any) -> Any:
+    """A word, a number, or a number for each channel."""
+    given = table.get(name, old)
+    if isinstance(given, dict) and name in TERMS:
+        by_name = Table(given, f"weights.{name}")
+        values = tuple(by_name.number(channel) for channel in CHANNELS)
+        by_name.close()
+        return values
+    if isinstance(old, str):
+        return table.text(name, old)
+    return old if given is old else table.number(name)
+
+
 def _built(kind: type, key: str, values: dict[str, Any]) -> Any:
     try:
         return kind(**values)
@@ -152,10 +222,14 @@ def _built(kind: type, key: str, values: dict[str, Any]) -> Any:
         raise ConfigError(f"{key}: {error}") from error
 
 
-def _starting_loop(options: argparse.Namespace) -> tuple[str, ClosedLoop]:
+def _starting_loop(
+    options: argparse.Namespace,
+) -> tuple[str, ClosedLoop, DesignModel]:
     setting = paper.make_scenario(
         options.scenario, options.plant, dt=options.dt, duration=options.duration
     )
+    # Whatever becomes of a law's own funnel, it is judged by the one prescribed.
+    setting = dataclasses.replace(setting, funnel=paper.funnel(options.scenario))
     assert isinstance(setting.plant, SmallAnglePlant)
     model = paper.design_model(setting.plant)
     if options.gains is not None:
@@ -165,11 +239,8 @@ def _starting_loop(options: argparse.Namespace) -> tuple[str, ClosedLoop]:
                 f"--controller is {options.controller}, "
                 f"but {options.gains} holds {kind}."
             )
-        return kind, ClosedLoop(setting, controller, observer)
+        return kind, ClosedLoop(setting, controller, observer), model
     kind = options.controller or "fxtppc"
     controller = paper.make_controller(kind, options.scenario, model)
-    return kind, ClosedLoop(setting, controller, paper.make_observer(kind, model))
-
-
-def _first(members: Member) -> Member:
-    return jax.tree.map(lambda x: x[0], members)
+    observer = paper.make_observer(kind, model)
+    return kind, ClosedLoop(setting, controller, observer), model

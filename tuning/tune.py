@@ -9,23 +9,28 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import tomli_w
 
 from jaxglider._types import Series
 from jaxglider.gains import encode
 from jaxglider.io import provenance, write_json, write_text
 from jaxglider.rollout import ClosedLoop
+from tuning.batch import size
 from tuning.black_box import black_box
 from tuning.checkpoint import Checkpoint
 from tuning.descent import Descent, Settings, Step
+from tuning.gradient_check import SHORT_STEPS, check_gradient
+from tuning.members import nominal_member
 from tuning.progress import Progress, note
 from tuning.report import history_table, text_report, write_report
+from tuning.rescue import promising_start
 from tuning.runs import check_writable, print_result
 from tuning.task import Task, build_task
 from tuning.verdict import verdict
 
 OK, RUN_FAILED, INTERRUPTED = 0, 1, 130
-_CONTINUES = ("steps", "out", "resume", "json", "debug", "command")
+_CONTINUES = ("out", "resume", "json", "debug", "command", "no_check")
 
 
 def tune(options: argparse.Namespace) -> int:
@@ -35,6 +40,7 @@ def tune(options: argparse.Namespace) -> int:
         learning_rate=options.learning_rate,
         optimiser=options.optimizer,
         patience=options.patience,
+        starts=options.starts,
         seed=options.seed,
     )
     checkpoint = Checkpoint(options.out / "checkpoint.npz", fingerprint(options))
@@ -48,19 +54,31 @@ def tune(options: argparse.Namespace) -> int:
     progress.clear()
     for text in task.space.notes:
         note(text)
-    descent = Descent(
-        task.loss, task.training, task.validation, settings, task.aggregate
-    )
+    progress.show("compiling the ensemble ...")
+    start, rescued = promising_start(task, options.seed)
+    progress.clear()
+    if rescued:
+        note(rescued)
+    trust = "" if options.no_check else _trust(task, start, progress)
     try:
         if options.method == "gradient":
             progress.show("compiling the gradient ...")
+            descent = Descent(
+                task.loss,
+                task.training,
+                task.validation,
+                settings,
+                task.aggregate,
+                guide=task.guide,
+                devices=jax.devices(),
+            )
             chosen, history, interrupted = _descend(
-                descent, task, checkpoint, options.resume, progress
+                descent, start, checkpoint, options.resume, progress
             )
         else:
             progress.show("compiling the search ...")
             chosen, history, interrupted = black_box(
-                options.method, task, settings, progress
+                options.method, task, start, settings, progress
             )
     finally:
         progress.clear()
@@ -69,12 +87,30 @@ def tune(options: argparse.Namespace) -> int:
     judged = verdict(task, tuned)
     progress.clear()
     result = _result(options, task, tuned, history, judged)
+    result["notes"] = [text for text in (*task.space.notes, rescued, trust) if text]
     result["seconds"] = round(time.monotonic() - begun, 1)
     result["provenance"]["partial"] = interrupted
     _write(options.out, task, tuned, history, result)
     print_result(result, text_report(result), as_json=options.json)
     note(f"{options.out}: gains.toml, history.csv, tune.json and report.md.")
     return INTERRUPTED if interrupted else OK
+
+
+def _trust(task: Task, start: Series, progress: Progress) -> str:
+    """Whether the derivative at the start is exact, and how far it foretells."""
+    progress.show("checking the gradient ...")
+    member = jax.tree.map(lambda x: x[0], nominal_member(task.loop))
+    report = check_gradient(
+        lambda x: task.loss(x, member),
+        start,
+        task.space.names,
+        steps=SHORT_STEPS,
+        copies=1,
+    )
+    progress.clear()
+    text = f"gradient at the start, nominal case: {report.verdict}."
+    note(text)
+    return text
 
 
 def fingerprint(options: argparse.Namespace) -> str:
@@ -96,18 +132,19 @@ def _content(value: Any) -> Any:
 
 def _descend(
     descent: Descent,
-    task: Task,
+    free: Series,
     checkpoint: Checkpoint,
     resume: bool,
     progress: Progress,
 ) -> tuple[Series, list[Step], bool]:
     """Descend to the end or to an interruption; what was reached is kept."""
-    state = descent.start(task.space.read(task.loop))
+    state = descent.start(free)
+    leader = state.leader()
     start = Step(
         0,
-        float(state.loss),
-        float(state.chosen_loss),
-        state.free,
+        float(state.loss[leader]),
+        float(state.chosen_loss[leader]),
+        state.free[leader],
         False,
         True,
         descent.settings.learning_rate,
@@ -126,15 +163,15 @@ def _descend(
             progress.show(
                 f"step {step.number}/{descent.settings.steps}  "
                 f"objective {step.loss:.4f}  validation {step.validation:.4f}  "
-                f"best {float(state.chosen_loss):.4f}  "
+                f"best {float(jnp.min(state.chosen_loss)):.4f}  "
                 f"{'refused  ' if step.refused else ''}"
                 f"{pace * (descent.settings.steps - step.number):.0f} s left"
             )
     except KeyboardInterrupt:
         progress.clear()
         note("interrupted; keeping the best gains so far (go on with --resume).")
-        return state.chosen, history, True
-    return state.chosen, history, False
+        return state.chosen[state.leader()], history, True
+    return state.chosen[state.leader()], history, False
 
 
 def _result(
@@ -152,7 +189,7 @@ def _result(
         "steps": history[-1].number,
         "refused": sum(step.refused for step in history),
         "members": {
-            name: int(jax.tree.leaves(members)[0].shape[0])
+            name: size(members)
             for name, members in (
                 ("training", task.training),
                 ("validation", task.validation),
@@ -167,7 +204,6 @@ def _result(
                 strict=True,
             )
         },
-        "notes": list(task.space.notes),
         **judged,
         "provenance": provenance(command=sys.argv[1:], precision=options.precision),
     }

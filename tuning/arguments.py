@@ -1,0 +1,90 @@
+"""Arguments that commands share, and what they may be; nothing here imports JAX."""
+
+import argparse
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+SCENARIOS = ("switching", "waypoints")
+PLANTS = ("printed", "rigid-body")
+CONTROLLERS = ("smc", "ppc", "fxtppc")
+
+
+def positive(text: str) -> float:
+    """A finite number above zero."""
+    return checked(text, float, lambda x: 0.0 < x < math.inf, "a positive number")
+
+
+def not_negative(text: str) -> float:
+    """A finite number of at least zero."""
+    return checked(text, float, lambda x: 0.0 <= x < math.inf, "zero or positive")
+
+
+def below_one(text: str) -> float:
+    """A number in [0, 1)."""
+    return checked(text, float, lambda x: 0.0 <= x < 1.0, "a number in [0, 1)")
+
+
+def share(text: str) -> float:
+    """A number strictly between 0 and 1."""
+    return checked(text, float, lambda x: 0.0 < x < 1.0, "a number between 0 and 1")
+
+
+def count(text: str) -> int:
+    """A whole number of at least one."""
+    return checked(text, int, lambda n: n >= 1, "a whole number of at least 1")
+
+
+def whole(text: str) -> int:
+    """A whole number of at least zero."""
+    return checked(text, int, lambda n: n >= 0, "a whole number of at least 0")
+
+
+def seed(text: str) -> int:
+    """A seed."""
+    return checked(text, int, lambda n: 0 <= n < 2**32, "a whole number in [0, 2^32)")
+
+
+def checked(text: str, kind: Any, holds: Callable[[Any], bool], rule: str) -> Any:
+    """The text as a number of a kind.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none, or the rule does not hold.
+    """
+    try:
+        value = kind(text)
+    except ValueError:
+        value = None
+    if value is None or not holds(value):
+        raise argparse.ArgumentTypeError(f"must be {rule}; received {text!r}.")
+    return value
+
+
+def add_dt(parser: argparse.ArgumentParser) -> None:
+    """The control tick."""
+    parser.add_argument(
+        "--dt",
+        type=positive,
+        default=0.05,
+        metavar="S",
+        help="control tick [s]; default: 0.05",
+    )
+
+
+def add_common(parser: argparse.ArgumentParser, out: str) -> None:
+    """Where results go, their precision, and how they are printed."""
+    add_output(parser)
+    parser.add_argument(
+        "--out", type=Path, default=Path(out), metavar="DIR", help=f"default: {out}"
+    )
+
+
+def add_output(parser: argparse.ArgumentParser) -> None:
+    """Precision, and how the result is printed."""
+    parser.add_argument(
+        "--precision", type=int, choices=(32, 64), default=64, help="default: 64"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print the result as JSON on stdout"
+    )

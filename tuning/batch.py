@@ -1,0 +1,66 @@
+"""The objective of sets of free numbers on an ensemble, as lanes of one batch."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from jaxglider._types import Scalar, Series
+from jaxglider.ensemble import map_members
+from tuning.objective import Aggregate
+
+Loss = Callable[[Series, Any], Scalar]
+
+FAILED = 30.0
+"""Objective that a run counts as which does not stay finite: ten times a start's."""
+
+
+def losses(
+    loss: Loss,
+    rows: jax.Array,
+    members: Any,
+    aggregate: Aggregate,
+    devices: Sequence[jax.Device] | None = None,
+) -> Series:
+    """The objective of each row of free numbers over all members; pure.
+
+    Args:
+        loss: of free numbers and one member.
+        rows: free numbers, one row each.
+        members: one leading axis.
+        aggregate: how members' objectives become one.
+        devices: to spread the lanes over.
+    """
+    count = size(members)
+    copies = jnp.repeat(rows[:, None], count, axis=1)
+    values = map_members(
+        lambda lane: loss(*lane), paired(copies, members), devices=devices
+    )
+    return jax.vmap(aggregate)(counted(values.reshape(-1, count)))[0]
+
+
+def paired(copies: jax.Array, members: Any) -> tuple[jax.Array, Any]:
+    """Every row's copies beside the members, as one axis of lanes.
+
+    Args:
+        copies: free numbers; rows, then copies of each, a multiple of the members.
+        members: one leading axis.
+    """
+    times = copies.shape[1] // size(members)
+
+    def spread(x: jax.Array) -> jax.Array:
+        each = jnp.repeat(x, times, axis=0)
+        return jnp.tile(each, (copies.shape[0], *(1,) * (x.ndim - 1)))
+
+    return copies.reshape(-1, copies.shape[2]), jax.tree.map(spread, members)
+
+
+def counted(values: jax.Array) -> jax.Array:
+    """The objectives, with a finite number for runs that did not stay finite."""
+    return jnp.where(jnp.isfinite(values), jnp.minimum(values, FAILED), FAILED)
+
+
+def size(members: Any) -> int:
+    """How many members an ensemble has."""
+    return int(jax.tree.leaves(members)[0].shape[0])
