@@ -12,8 +12,8 @@ from tuning.objective import Aggregate
 
 Loss = Callable[[Series, Any], Scalar]
 
-FAILED = 30.0
-"""Objective that a run counts as which does not stay finite: ten times a start's."""
+FAILED = 10.0
+"""Objective that a run counts as which is worse or not finite: three times a start's."""
 
 
 def losses(

@@ -8,7 +8,8 @@ orders of magnitude with the horizon and changes within a few percent of the gai
 by a few percent; and its gradient is clipped to norm one before the lanes are combined.
 
 A step that makes the objective much worse, or not finite, is refused: back to the gains
-with the best objective so far, with half the step. What is returned is another matter:
+with the best objective so far, with half the step, which then grows again by a tenth
+with every step that is taken. What is returned is another matter:
 the gains that are best on members the descent does not see. The steps shrink along half
 a cosine. Several descents from scattered starts can run side by side.
 """
@@ -57,7 +58,7 @@ class Settings:
     optimiser: str = "adam"
     copies: int = 8
     spread: float = 0.05
-    worse: float = 1.25
+    worse: float = 1.5
     patience: int = 100
     progress: float = 1e-3
     starts: int = 1
@@ -94,7 +95,7 @@ class State(eqx.Module):
         slope: gradient there.
         loss: objective there.
         optimiser: its state.
-        shrink: share of the learning rate in force; halved with each refusal.
+        shrink: share of the learning rate in force.
         best_free: where the objective was lowest.
         best_slope: the gradient there.
         best_loss: the objective there.
@@ -273,7 +274,7 @@ class Descent:
             either(refused, state.best_slope, slope),
             either(refused, state.best_loss, loss),
             either(refused, fresh, optimiser),
-            jnp.where(refused, 0.5, 1.0) * state.shrink,
+            jnp.minimum(jnp.where(refused, 0.5, 1.1) * state.shrink, 1.0),
             either(better, tried, state.best_free),
             either(better, slope, state.best_slope),
             either(better, loss, state.best_loss),

@@ -11,7 +11,7 @@ from tuning.task import Task
 
 CANDIDATES, SPREAD = 64, 1.0
 """How many, and their standard deviation in the logarithm of a gain."""
-HOPELESS = 10.0
+HOPELESS = 6.0
 """Objective from which a start is not descended from: runs fail, or roll over."""
 
 
