@@ -45,7 +45,7 @@ MEASURES = {
 def at_home(tmp_path, monkeypatch):
     """In an empty folder, JAX as the tests have set it up, and no figures."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(tuning.cli, "start_jax", lambda precision: None)
+    monkeypatch.setattr(tuning.cli, "start_jax", lambda *args, **kwargs: None)
     monkeypatch.setattr(tuning.runs, "save_all", lambda *args: [])
     (tmp_path / "mission.toml").write_text(MISSION)
 

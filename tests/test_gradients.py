@@ -13,6 +13,8 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 from jaxglider import map_members, paper
+from jaxglider.gradient import value_and_gradient
+from jaxglider.metrics import finish
 from jaxglider.rollout import evaluate
 
 STEPS = (1e-3, 1e-4, 1e-5, 1e-6)
@@ -122,3 +124,118 @@ def test_gradient_is_exact_where_the_error_starts_at_zero_and_at_the_funnel_edge
         by_gain = (value(start, 1e-3 + 1e-8) - value(start, 1e-3 - 1e-8)) / 2e-8
         np.testing.assert_allclose(slopes[0], by_start, rtol=1e-5)
         np.testing.assert_allclose(slopes[1], by_gain, rtol=1e-5)
+
+
+def _gains_of(loop):
+    return lambda at: [
+        *jax.tree.leaves(at.controller.gains),
+        *jax.tree.leaves(at.observer),
+    ]
+
+
+def _of_gains(loop, sea, **options):
+    """Free numbers, all gains in relation to their start, and an objective of them."""
+    where = _gains_of(loop)
+    start = [jnp.asarray(x) for x in where(loop)]
+
+    def loss(factors):
+        changed = eqx.tree_at(
+            where, loop, [f * x for f, x in zip(factors, start, strict=True)]
+        )
+        c = evaluate(changed, sea, **options).channels
+        return c.depth.rms_error + c.pitch.rms_error + c.heading.chattering
+
+    return jnp.ones(len(start)), loss
+
+
+def test_forward_and_reverse_mode_agree_and_auto_is_one_of_them():
+    loop = paper.make_loop("switching", "rigid-body", duration=20.0)
+    start, loss = _of_gains(loop, loop.scenario.sea(jax.random.key(0)))
+    value, forward = jax.jit(value_and_gradient(loss, "forward"))(start)
+    again, reverse = jax.jit(value_and_gradient(loss, "reverse"))(start)
+    assert float(value) == pytest.approx(float(again), rel=1e-13)
+    np.testing.assert_allclose(forward, reverse, rtol=1e-9, atol=1e-9 * float(value))
+    assert np.count_nonzero(reverse) > 20
+    with pytest.raises(ValueError, match="auto, forward, reverse; received 'sideways'"):
+        value_and_gradient(loss, "sideways")
+
+
+@pytest.mark.parametrize(("members", "mode"), [(1, "forward"), (2, "reverse")])
+def test_the_mode_follows_from_the_lanes_it_would_fill(members, mode):
+    """Three tangents and a value: four lanes for one member, eight for two."""
+    cube = lambda x: jnp.sum(x**3)
+    x = jnp.arange(6.0 if members == 1 else 7.0)
+    jaxpr = str(jax.make_jaxpr(value_and_gradient(cube, members=members))(x))
+    one = str(jax.make_jaxpr(value_and_gradient(cube, mode))(x))
+    assert jaxpr == one
+
+
+def test_a_gradient_memory_changes_no_value_and_without_end_no_gradient():
+    loop = paper.make_loop("switching", "rigid-body", duration=20.0)
+    sea = loop.scenario.sea(jax.random.key(0))
+    start, exact = _of_gains(loop, sea)
+    plain = jax.jit(jax.value_and_grad(exact))(start)
+
+    @jax.jit
+    def remembering(memory):
+        return jax.value_and_grad(_of_gains(loop, sea, gradient_memory=memory)[1])(
+            start
+        )
+
+    value, slope = remembering(jnp.asarray(1e15))
+    assert float(value) == pytest.approx(float(plain[0]), rel=1e-13)
+    np.testing.assert_allclose(slope, plain[1], rtol=1e-9)
+    value, slope = remembering(jnp.asarray(5.0))
+    assert float(value) == pytest.approx(float(plain[0]), rel=1e-13)
+    assert np.linalg.norm(slope - plain[1]) > 0.05 * np.linalg.norm(plain[1])
+
+
+def test_a_gradient_memory_fades_the_tangents_from_tick_to_tick():
+    """Against tangents pushed forward by hand: t(k+1) = A s t(k) + b, s = e^(-dt/tau).
+
+    A and b are the derivatives of one tick in its carry and in the gain; the sums of
+    the metrics add up without fading.
+    """
+    memory, ticks = 1.0, 40
+    loop = paper.make_loop("switching", "printed", duration=0.05 * ticks)
+    sea = loop.scenario.sea(jax.random.key(0))
+    where = lambda at: at.controller.gains.pitch.k1
+
+    def faded(k1):
+        changed = eqx.tree_at(where, loop, k1)
+        metrics = evaluate(changed, sea, gradient_memory=memory)
+        return metrics.channels.pitch.rms_error
+
+    def tick(k1, carry, number):
+        changed = eqx.tree_at(where, loop, k1)
+        given = jax.tree.map(lambda x: x[number], changed.inputs(sea))
+        return changed.tick(carry, given)[0]
+
+    @jax.jit
+    def push(carry, tangents, number):
+        return jax.jvp(
+            lambda k1, before: tick(k1, before, number),
+            (jnp.asarray(where(loop)), carry),
+            (jnp.ones(()), tangents),
+        )
+
+    def tangent_of(x):
+        whole = not jnp.issubdtype(jnp.result_type(x), jnp.floating)
+        return np.zeros(np.shape(x), jax.dtypes.float0) if whole else jnp.zeros_like(x)
+
+    share = np.exp(-float(loop.scenario.clock.dt) / memory)
+    fade = lambda t: t if t.dtype == jax.dtypes.float0 else share * t
+    carry = loop.init()
+    tangents = jax.tree.map(tangent_of, carry)
+    for number in range(ticks):
+        kept = tangents.sums
+        tangents = eqx.tree_at(lambda t: t.sums, jax.tree.map(fade, tangents), kept)
+        carry, tangents = push(carry, tangents, number)
+
+    def end(last):
+        dt = loop.scenario.clock.dt
+        return finish(last.sums, last.state, last.reached, dt).channels.pitch.rms_error
+
+    _, wanted = jax.jvp(end, (carry,), (tangents,))
+    assert abs(float(wanted)) > 1e-6
+    np.testing.assert_allclose(jax.jit(jax.grad(faded))(where(loop)), wanted, rtol=1e-9)

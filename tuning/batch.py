@@ -13,7 +13,7 @@ from tuning.objective import Aggregate
 Loss = Callable[[Series, Any], Scalar]
 
 FAILED = 10.0
-"""Objective that a run counts as which is worse or not finite: three times a start's."""
+"""Objective of a run that is worse or not finite: three times a start's."""
 
 
 def losses(
