@@ -38,7 +38,8 @@ from tuning.derivative_free import (
     default_population,
     random_search,
 )
-from tuning.descent import Descent, Settings
+from tuning.descent import Descent
+from tuning.descent_state import Settings
 from tuning.members import nominal_member, with_member
 from tuning.objective import Aggregate, Objective, Weights, scattered
 from tuning.space import Space

@@ -14,6 +14,7 @@ import jaxglider
 PACKAGE = Path(jaxglider.__file__).parent
 LAYERS = (
     (
+        "elementary",
         "numerics",
         "frames",
         "integrate",
@@ -21,6 +22,7 @@ LAYERS = (
         "designs",
         "_types",
         "_compile",
+        "gradient",
     ),
     ("signals", "vehicle", "disturbances", "sensors", "performance", "transform"),
     ("references", "observer", "controllers"),

@@ -18,7 +18,9 @@ import tuning.options
 import tuning.runs
 import tuning.tune
 from jaxglider import paper
-from jaxglider.config import TEMPLATE
+from jaxglider.config import TEMPLATE, load_gains, load_uncertainty
+from jaxglider.gains import encode
+from jaxglider.tuned import tuned_gains
 from tuning.cli import main
 
 MISSION = """
@@ -67,6 +69,10 @@ def call(capsys):
 def _environment(tmp_path, **more):
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("JAX", "XLA"))}
     return {**clean, "JAX_PLATFORMS": "cpu", "XDG_CACHE_HOME": str(tmp_path), **more}
+
+
+def encoded(*parts):
+    return [encode(part) for part in parts]
 
 
 def _refused(answer, *parts):
@@ -134,6 +140,9 @@ def test_no_command_shows_the_help_and_is_a_usage_error(call):
         ("tune --learning-rate nan", ("--learning-rate", "positive number", "'nan'")),
         ("tune --learning-rate inf", ("--learning-rate", "positive number", "'inf'")),
         ("tune --seed -1", ("--seed", "[0, 2^32)", "'-1'")),
+        ("tune --uncertainty 1.5", ("--uncertainty", "[0, 1)", "'1.5'")),
+        ("tune --gradient-memory -1", ("--gradient-memory", "'-1'")),
+        ("tune --starts 0", ("--starts", "at least 1", "'0'")),
         ("tune --controller pid", ("--controller", "'pid'", "smc", "fxtppc")),
         ("simulate", ("required", "--config")),
         ("simulate --config m.toml --seed 4294967296", ("--seed", "'4294967296'")),
@@ -158,6 +167,15 @@ def test_wrong_usage_is_refused_with_argument_rule_and_value(call, arguments, pa
         ("simulate --config mission.toml --out /proc/none", ("--out /proc/none",)),
         ("compare --out /proc/none", ("--out /proc/none", "cannot be written")),
         ("tune --gains gone.toml", ("gone.toml", "no such file")),
+        ("tune --cost gone.py:f", ("--cost", "FILE.py:FUNCTION", "gone.py:f")),
+        ("tune --optimizer adm", ("optimizer", "as adam", "'adm'")),
+        ("tune --optimizer lbfgs", ("optimizer", "a gradient", "'lbfgs'")),
+        ("tune --uncertainty gone.toml", ("gone.toml", "no such file")),
+        (
+            "tune --uncertainty gone.toml --amplitude 0.1",
+            ("--amplitude", "--uncertainty", "gone.toml"),
+        ),
+        ("tune --objective gone.toml", ("gone.toml", "no such file")),
         ("tune --out /proc/none", ("--out /proc/none", "cannot be written")),
         ("init mission.toml", ("mission.toml exists", "--force")),
         ("init /proc/none/m.toml", ("/proc/none/m.toml", "cannot be written")),
@@ -234,6 +252,42 @@ def test_init_writes_the_template_and_never_overwrites_unasked(call, tmp_path):
     assert file.read_text() == "mine"
     assert call("init", "deep/own.toml", "--force")[0] == 0
     assert file.read_text() == TEMPLATE()
+
+
+def test_init_writes_what_is_uncertain_too(call, tmp_path):
+    code, out, err = call("init", "--uncertainty")
+    assert (code, err) == (0, "")
+    assert "--uncertainty uncertainty.toml" in out
+    scenario = paper.make_scenario("switching", "printed")
+    uncertainty = load_uncertainty(tmp_path / "uncertainty.toml", scenario)
+    assert "drag" in uncertainty.names()
+
+
+def test_gains_of_the_package_are_compared_by_the_word(call, monkeypatch):
+    """One entry for each law, with the gains of its file for the case and plant."""
+    entries = []
+
+    def remember(given, seed):
+        entries.extend(given)
+        return [], True
+
+    monkeypatch.setattr(tuning.runs, "run_all", remember)
+    code, _, _ = call("compare", "--plant", "rigid-body", "--gains", "tuned")
+    assert code == 130
+    found = {(e.scenario, e.controller): e.loop for e in entries}
+    for scenario in paper.SCENARIOS:
+        for law in paper.CONTROLLERS:
+            tuned = found[scenario, f"{law} (tuned)"]
+            model = tuned.controller.model
+            file = tuned_gains(scenario, "rigid-body", law)
+            _, controller, observer = load_gains(file, scenario, model)
+            wanted = controller, observer
+            assert encoded(tuned.controller, tuned.observer) == encoded(*wanted)
+
+
+def test_a_folder_of_the_name_is_meant_before_the_word(call, tmp_path):
+    (tmp_path / "tuned").write_text("x")
+    _refused(call("compare", "--gains", "tuned"), "tuned: ", "TOML")
 
 
 def test_validate_says_what_would_be_run(call):

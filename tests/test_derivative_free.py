@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tuning.derivative_free import cma_es, default_population, random_search
-from tuning.descent import Step
+from tuning.descent_state import Step
 
 TURN = np.linalg.qr(np.random.default_rng(5).standard_normal((5, 5)))[0]
 BOTTOM = np.array([1.0, -2.0, 0.5, 3.0, -1.0])

@@ -10,7 +10,8 @@ from jaxglider.quantities import uniform_uncertainty
 from jaxglider.rollout import evaluate
 from tuning.batch import FAILED
 from tuning.checkpoint import Checkpoint
-from tuning.descent import Descent, Settings
+from tuning.descent import Descent
+from tuning.descent_state import Settings
 from tuning.members import (
     SWEEP,
     TEST,

@@ -14,7 +14,7 @@ from tuning.derivative_free import (
     default_population,
     random_search,
 )
-from tuning.descent import Settings, Step
+from tuning.descent_state import Settings, Step
 from tuning.progress import Progress, note
 from tuning.task import Task
 

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.io import replacing
-from tuning.descent import State, Step
+from tuning.descent_state import State, Step
 
 _BROKEN = (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile)
 

@@ -8,6 +8,7 @@ violated, 130 interrupted.
 import argparse
 import os
 import sys
+from pathlib import Path
 
 from tuning.options import parser
 
@@ -127,19 +128,20 @@ def _check(options: argparse.Namespace) -> int:
 
 def _init(options: argparse.Namespace) -> int:
     start_jax(64)
-    from jaxglider.config import TEMPLATE
+    from jaxglider import _uncertainty, config
     from jaxglider.io import write_text
 
-    if options.path.exists() and not options.force:
-        raise ValueError(f"{options.path} exists; choose another name or use --force.")
+    kind = "uncertainty" if options.uncertainty else "mission"
+    path = options.path or Path(f"{kind}.toml")
+    if path.exists() and not options.force:
+        raise ValueError(f"{path} exists; choose another name or use --force.")
+    template = (_uncertainty if options.uncertainty else config).TEMPLATE
     try:
-        write_text(options.path, TEMPLATE())
+        write_text(path, template())
     except OSError as error:
-        raise OSError(f"{options.path} cannot be written: {error}.") from error
-    sys.stdout.write(
-        f"{options.path} written. Edit it, then: "
-        f"jaxglider simulate --config {options.path}\n"
-    )
+        raise OSError(f"{path} cannot be written: {error}.") from error
+    use = "tune --uncertainty" if options.uncertainty else "simulate --config"
+    sys.stdout.write(f"{path} written. Edit it, then: jaxglider {use} {path}\n")
     return OK
 
 

@@ -71,7 +71,8 @@ def _add_compare(commands: Any) -> None:
         type=Path,
         default=[],
         metavar="FILE",
-        help="gains files, as `tune` writes them, each compared as one more controller",
+        help="gains files, as `tune` writes them, each compared as one more "
+        "controller; `tuned`: those that come with jaxglider for this case",
     )
     add_dt(parser)
     add_common(parser, "results/compare")
@@ -97,7 +98,17 @@ def _add_init(commands: Any) -> None:
     text = "write a commented mission file to start from"
     parser = commands.add_parser("init", help=text, description=text + ".")
     parser.add_argument(
-        "path", nargs="?", type=Path, default=Path("mission.toml"), metavar="FILE"
+        "path",
+        nargs="?",
+        type=Path,
+        metavar="FILE",
+        help="default: mission.toml, or uncertainty.toml",
+    )
+    parser.add_argument(
+        "--uncertainty",
+        action="store_true",
+        help="write a file that says what is uncertain instead, for "
+        "`tune --uncertainty FILE`",
     )
     parser.add_argument("--force", action="store_true", help="replace an existing file")
 

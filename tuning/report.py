@@ -14,7 +14,7 @@ from jaxglider.io import replacing, write_text
 from jaxglider.plotting import errors
 from jaxglider.rollout import ClosedLoop, simulate
 from jaxglider.trajectory import Trajectory
-from tuning.descent import Step
+from tuning.descent_state import Step
 from tuning.objective import CHANNELS
 from tuning.tables import figure, outcome
 from tuning.task import Task

@@ -25,6 +25,7 @@ from jaxglider.io import (
 from jaxglider.plotting import save_all
 from jaxglider.rollout import ClosedLoop, simulate
 from jaxglider.trajectory import Trajectory
+from jaxglider.tuned import resolve
 from jaxglider.vehicle.plant import SmallAnglePlant
 from tuning.progress import Progress, note
 from tuning.tables import markdown_tables, text_table
@@ -70,7 +71,8 @@ def compare(options: argparse.Namespace) -> int:
     scenarios = paper.SCENARIOS if options.scenario == "all" else (options.scenario,)
     entries = [e for s in scenarios for e in _paper_entries(options, s)]
     for path in dict.fromkeys(options.gains):
-        _note_origin(path, scenarios, options.plant)
+        if resolve(path, scenarios[0], options.plant, options.controllers[0]) == path:
+            _note_origin(path, scenarios, options.plant)
     check_writable(options.out)
     done, interrupted = run_all(entries, seed=0)
     return _report(options, done, interrupted, seed=0)
@@ -96,17 +98,30 @@ def _paper_entries(options: argparse.Namespace, scenario: str) -> Iterator[Entry
             paper.make_observer(name, model),
         )
         yield Entry(scenario, options.plant, name, loop)
-    stems = [path.stem for path in dict.fromkeys(options.gains)]
-    for path in dict.fromkeys(options.gains):
+    for name, path in _gains_files(options, scenario):
         kind, controller, observer = load_gains(path, scenario, model)
-        # `tune` gives all its files one name: tell them apart by their folder.
-        name = path.stem if stems.count(path.stem) == 1 else str(path)
         yield Entry(
             scenario,
             options.plant,
             f"{kind} ({name})",
             ClosedLoop(setting, controller, observer),
         )
+
+
+def _gains_files(
+    options: argparse.Namespace, scenario: str
+) -> Iterator[tuple[str, Path]]:
+    """Name and path of each gains file; the word `tuned` has one for each law."""
+    given = list(dict.fromkeys(options.gains))
+    stems = [path.stem for path in given]
+    for path in given:
+        for law in dict.fromkeys(options.controllers):
+            file = resolve(path, scenario, options.plant, law)
+            # `tune` gives all its files one name: tell them apart by their folder.
+            known = stems.count(path.stem) == 1
+            yield (path.stem if known else str(path)), file
+            if file == path:
+                break
 
 
 def simulate_mission(options: argparse.Namespace) -> int:

@@ -16,6 +16,7 @@ from jaxglider.metrics import Metrics
 from jaxglider.quantities import uniform_uncertainty
 from jaxglider.rollout import ClosedLoop, evaluate
 from jaxglider.scenario import Scenario
+from jaxglider.tuned import resolve
 from jaxglider.uncertainty import Uncertainty
 from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.plant import SmallAnglePlant
@@ -233,7 +234,9 @@ def _starting_loop(
     assert isinstance(setting.plant, SmallAnglePlant)
     model = paper.design_model(setting.plant)
     if options.gains is not None:
-        kind, controller, observer = load_gains(options.gains, options.scenario, model)
+        law = options.controller or "fxtppc"
+        file = resolve(options.gains, options.scenario, options.plant, law)
+        kind, controller, observer = load_gains(file, options.scenario, model)
         if options.controller not in (None, kind):
             raise ValueError(
                 f"--controller is {options.controller}, "

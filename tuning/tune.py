@@ -22,7 +22,8 @@ from jaxglider.scenario import Clock
 from tuning.batch import size
 from tuning.black_box import black_box
 from tuning.checkpoint import Checkpoint
-from tuning.descent import Descent, Settings, Step
+from tuning.descent import Descent
+from tuning.descent_state import Settings, Step
 from tuning.gradient_check import SHORT_STEPS, check_gradient
 from tuning.members import nominal_member
 from tuning.progress import Progress, note

@@ -123,7 +123,8 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
         "--gains",
         type=Path,
         metavar="FILE",
-        help="start here, not at the paper's gains",
+        help="start here, not at the paper's gains; `tuned`: at those that come with "
+        "jaxglider for this case",
     )
     parser.add_argument(
         "--free",

@@ -1,0 +1,124 @@
+"""How to descend, where a descent stands, and what it reports of a step."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from jaxglider._types import Series
+from tuning.optimisers import make_optimiser
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """How to descend.
+
+    Attributes:
+        steps: number of gradient steps.
+        learning_rate: of the first step, in free numbers (the logarithm of a gain).
+        optimiser: name of an optimiser of optax.
+        copies: fewest lanes of a gradient; fewer members are used more than once.
+        spread: standard deviation of the copies, in free numbers.
+        worse: a step to more than this times the best objective is refused.
+        patience: stop after this many steps without progress on the validation set.
+        progress: what counts as progress, relative.
+        starts: number of descents side by side; all but the first from scattered gains.
+        start_spread: standard deviation of the starts, in free numbers.
+        seed: of copies and starts.
+
+    Raises:
+        ValueError: a number outside its range, or an unknown optimiser.
+    """
+
+    steps: int = 200
+    learning_rate: float = 0.3
+    optimiser: str = "adam"
+    copies: int = 8
+    spread: float = 0.05
+    worse: float = 1.5
+    patience: int = 100
+    progress: float = 1e-3
+    starts: int = 1
+    start_spread: float = 0.5
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        make_optimiser(self.optimiser)
+        rules = {
+            "steps": (self.steps >= 1, "at least 1"),
+            "learning_rate": (0.0 < self.learning_rate < float("inf"), "positive"),
+            "copies": (self.copies >= 1, "at least 1"),
+            "spread": (0.0 <= self.spread < float("inf"), "zero or positive"),
+            "worse": (self.worse > 1.0, "above 1"),
+            "patience": (self.patience >= 1, "at least 1"),
+            "progress": (self.progress >= 0.0, "zero or positive"),
+            "starts": (self.starts >= 1, "at least 1"),
+            "start_spread": (0.0 < self.start_spread < float("inf"), "positive"),
+        }
+        for name, (holds, rule) in rules.items():
+            if not holds:
+                raise ValueError(
+                    f"{name.replace('_', '-')} must be {rule}; "
+                    f"received {getattr(self, name)}."
+                )
+
+
+class State(eqx.Module):
+    """Where the descents stand, one row each: all that their next step depends on.
+
+    Attributes:
+        number: steps made.
+        free: free numbers now.
+        slope: gradient there.
+        loss: objective there.
+        optimiser: its state.
+        shrink: share of the learning rate in force.
+        best_free: where the objective was lowest.
+        best_slope: the gradient there.
+        best_loss: the objective there.
+        chosen: free numbers that are best on the validation set.
+        chosen_loss: validation objective there.
+        since: steps since the validation objective last made progress.
+    """
+
+    number: jax.Array
+    free: jax.Array
+    slope: jax.Array
+    loss: Series
+    optimiser: Any
+    shrink: Series
+    best_free: jax.Array
+    best_slope: jax.Array
+    best_loss: Series
+    chosen: jax.Array
+    chosen_loss: Series
+    since: jax.Array
+
+    def leader(self) -> int:
+        """The descent that is best on the validation set so far."""
+        return int(np.argmin(np.asarray(self.chosen_loss)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """One step, of the descent that leads after it, as reported.
+
+    Attributes:
+        number: of the step; 0 is the start.
+        loss: objective of the training members, scattered.
+        validation: objective of the validation members, at the gains themselves.
+        free: free numbers that were tried.
+        refused: they were not taken.
+        best: they are the best so far on the validation set.
+        learning_rate: in force.
+    """
+
+    number: int
+    loss: float
+    validation: float
+    free: Series
+    refused: bool
+    best: bool
+    learning_rate: float
