@@ -49,7 +49,7 @@ class Weights:
     chattering: float | tuple[float, ...] = 0.0
     crowding: float | tuple[float, ...] = 0.0
     roll: float = 0.0
-    roll_limit: float = 1.3
+    roll_limit: float = 1.5
     saturation: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:

@@ -46,8 +46,11 @@ DEFAULT_FREE = {
 }
 """Which numbers are tuned where the user does not say: all of the law's own."""
 
-DEFAULT_WEIGHTS = Weights(tracking=1.0, chattering=0.005, crowding=20.0, roll=5.0)
-"""Tracking first; the rest keeps it in the funnel, upright, and off the buzzer."""
+DEFAULT_WEIGHTS = Weights(
+    tracking=(1.0, 1.5, 1.5), chattering=0.005, crowding=20.0, roll=5.0
+)
+"""Tracking first, attitude before depth, which is won easily; the rest keeps it in the
+funnel, upright, and off the buzzer."""
 
 GRADIENT_MEMORY = 60.0
 """How long the gradient that is descended remembers [s]; see `rollout.evaluate`."""
