@@ -1,9 +1,10 @@
 """Descent against black-box search: `python benchmarks/bench_tuning.py --out FILE.png`.
 
-All methods start from the same gains and see the same objective, and the loss shown is
-always that of the gains themselves, on all members. Rollouts are counted as the work
-they stand for: a loss is one rollout for each member, a gradient five for each of its
-lanes. Descent is charged, besides its gradients, for the loss that judges each step.
+The problem is that of `jaxglider tune`, with its objective, members and free numbers.
+All methods start from the same gains, and the loss shown is always that of the gains
+themselves, on all members. Rollouts are counted as the work they stand for: a loss is
+one rollout for each member, a gradient five for each of its lanes. Descent is charged,
+besides its gradients, for the loss that judges each step.
 
 Compilation is apart from the seconds. Wall times of a shared machine mean little;
 rollouts do not depend on it.
@@ -30,7 +31,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxglider import evaluate, map_members, paper
+from jaxglider import map_members, paper
 from jaxglider.io import provenance, replacing
 from tuning.derivative_free import (
     GRADIENT_COST,
@@ -40,13 +41,12 @@ from tuning.derivative_free import (
 )
 from tuning.descent import Descent
 from tuning.descent_state import Settings
-from tuning.members import nominal_member, with_member
-from tuning.objective import Aggregate, Objective, Weights, scattered
-from tuning.space import Space
+from tuning.objective import Aggregate, scattered
+from tuning.options import parser as tune_parser
+from tuning.task import build_task
 
 DESCENT, CMA, RANDOM = "descent", "CMA-ES", "random"
 LOOKS = {DESCENT: ("#0072B2", "-"), CMA: ("#D55E00", "--"), RANDOM: ("#009E73", ":")}
-PATHS = ("controller.gains.*.k1", "controller.gains.*.k2")
 SLACKS = (1.0, 1.01, 1.05, 1.2)
 
 
@@ -56,6 +56,7 @@ class Problem:
 
     Attributes:
         loss: objective of free numbers and one member; pure.
+        guide: what is differentiated instead, of the same values.
         members: pytree with one leading axis.
         aggregate: of the members' objectives.
         start: free numbers.
@@ -64,6 +65,7 @@ class Problem:
     """
 
     loss: Callable[[Any, Any], Any]
+    guide: Callable[[Any, Any], Any]
     members: Any
     aggregate: Aggregate
     start: Any
@@ -77,28 +79,24 @@ class Problem:
 
 
 def make_problem(options: argparse.Namespace) -> Problem:
-    """Tracking relative to the paper's gains, on the paper's first case alone.
-
-    Objective, space and members are all chosen here. The paper's gains break the rule
-    k1 < 3/4 k2^2, so the space does without that rule.
-    """
-    loop = paper.make_loop("switching", options.plant, duration=options.duration)
-    space = Space.of(loop, options.paths, constraints=())
-    objective = Objective(
-        jax.jit(evaluate)(loop, loop.scenario.sea(jax.random.key(0))), Weights()
-    )
-
-    def loss(free: Any, member: Any) -> Any:
-        return objective(evaluate(*with_member(space.write(loop, free), member)))
-
+    """The problem that `jaxglider tune` would set itself with these options."""
+    words = [
+        *("tune", "--scenario", options.scenario, "--plant", options.plant),
+        *("--members", str(options.members), "--validation", "1", "--test", "1"),
+    ]
+    if options.duration is not None:
+        words += ["--duration", str(options.duration)]
+    if options.paths:
+        words += ["--free", *options.paths]
+    task = build_task(tune_parser().parse_args(words))
     return Problem(
-        loss,
-        nominal_member(loop),
-        Aggregate(),
-        space.read(loop),
-        space.names,
-        f"switching on {options.plant}, {options.duration:g} s, tracking relative to "
-        "the paper's gains",
+        task.loss,
+        task.guide,
+        task.training,
+        task.aggregate,
+        task.space.read(task.loop),
+        task.space.names,
+        f"{options.scenario} on {options.plant}, objective of `jaxglider tune`",
     )
 
 
@@ -149,8 +147,8 @@ def make_losses(problem: Problem) -> Callable[[Any], Any]:
     return losses
 
 
-def run_descent(descent: Descent, problem: Problem, budget: int, seed: int) -> Run:
-    """Descend until the budget is spent.
+def run_descent(descent: Descent, problem: Problem, seed: int) -> Run:
+    """Descend to the end of the steps.
 
     The validation set is the training set here, so a step's validation is the loss of
     its gains without scatter.
@@ -162,14 +160,10 @@ def run_descent(descent: Descent, problem: Problem, budget: int, seed: int) -> R
     run, begun = Run(), time.perf_counter()
     state = seeded.start(problem.start)
     spent = gradient + problem.size
-    run.note(
-        spent, time.perf_counter() - begun, float(state.chosen_loss), problem.start
-    )
+    first = float(state.chosen_loss[0])
+    run.note(spent, time.perf_counter() - begun, first, problem.start)
     for _, step in seeded.run(state):
-        # After a refusal the gradient is taken once more at the best gains.
-        spent += (2 if step.refused else 1) * gradient + problem.size
-        if spent > budget:
-            break
+        spent += gradient + problem.size
         loss = step.validation if math.isfinite(step.validation) else math.inf
         run.note(spent, time.perf_counter() - begun, loss, step.free)
     return run
@@ -191,14 +185,9 @@ def compare(problem: Problem, options: argparse.Namespace) -> tuple[Any, Any]:
         problem.loss,
         problem.members,
         problem.members,
-        Settings(
-            # More than the budget allows, so that the budget ends the descent.
-            steps=options.budget,
-            patience=options.budget,
-            learning_rate=options.learning_rate,
-            copies=options.copies,
-        ),
+        Settings(steps=options.steps, patience=options.steps, copies=options.copies),
         problem.aggregate,
+        guide=problem.guide,
     )
 
     def search(method: Any, spread: float, seed: int) -> Iterator[Any]:
@@ -219,7 +208,7 @@ def compare(problem: Problem, options: argparse.Namespace) -> tuple[Any, Any]:
     compile_s[RANDOM] = compile_s[CMA]
     next(search(cma_es, options.cma_spread, 0))
     methods = {
-        DESCENT: lambda seed: run_descent(descent, problem, options.budget, seed),
+        DESCENT: lambda seed: run_descent(descent, problem, seed),
         CMA: lambda seed: run_search(search(cma_es, options.cma_spread, seed)),
         RANDOM: lambda seed: run_search(
             search(random_search, options.random_spread, seed)
@@ -412,16 +401,20 @@ def on_one_axis(group: list[Run], field: str) -> tuple[np.ndarray, np.ndarray]:
 def main() -> None:
     """Compare and print a table, or JSON."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--plant", choices=tuple(paper.PLANTS), default="printed")
-    parser.add_argument("--paths", nargs="+", default=PATHS, help="numbers to tune")
-    parser.add_argument("--duration", type=float, default=800.0)
+    parser.add_argument("--scenario", choices=paper.SCENARIOS, default="switching")
+    parser.add_argument("--plant", choices=tuple(paper.PLANTS), default="rigid-body")
+    parser.add_argument("--paths", nargs="+", help="numbers to tune; default: all")
+    parser.add_argument("--members", type=int, default=32, help="1: the nominal case")
+    parser.add_argument("--duration", type=float)
     parser.add_argument("--precision", type=int, choices=(32, 64), default=32)
-    parser.add_argument("--budget", type=int, default=3000, help="rollout-equivalents")
+    parser.add_argument("--steps", type=int, default=200, help="of the descent")
+    parser.add_argument(
+        "--budget", type=int, default=100_000, help="rollouts of each search"
+    )
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--population", type=int, default=None)
     parser.add_argument("--cma-spread", type=float, default=0.5)
     parser.add_argument("--random-spread", type=float, default=1.0)
-    parser.add_argument("--learning-rate", type=float, default=0.1)
     parser.add_argument("--copies", type=int, default=8, help="lanes of a gradient")
     parser.add_argument("--out", type=Path, default=None, help="picture to draw")
     parser.add_argument("--json", action="store_true")
