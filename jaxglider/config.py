@@ -151,19 +151,35 @@ def load_gains(path: str | Path, scenario: str, model: Any) -> tuple[str, Any, A
     """
     data = read_toml(path)
     try:
-        top = Table(data, "")
-        table = top.get("controller")
-        kind = Table(table, "controller").text("type")
-        choice(kind, dict.fromkeys(paper.CONTROLLERS), "controller.type")
-        controller = decode(
-            paper.make_controller(kind, scenario, model), table, "controller"
-        )
-        observer = decode_observer(top.get("observer", {}), kind, model)
-        top.get("provenance", None)
-        choice(str(top.get("format", 1)), {"1": 1}, "format")
-        top.close()
+        return decode_gains(data, scenario, model)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
+
+
+def decode_gains(
+    data: dict[str, Any], scenario: str, model: Any
+) -> tuple[str, Any, Any]:
+    """Parsed gains: the kind of controller, the controller and its observer.
+
+    Args:
+        data: tables of a gains file.
+        scenario: `switching` or `waypoints`, for what they leave out.
+        model: design model.
+
+    Raises:
+        ConfigError: names the key, the rule and the value.
+    """
+    top = Table(data, "")
+    table = top.get("controller")
+    kind = Table(table, "controller").text("type")
+    choice(kind, dict.fromkeys(paper.CONTROLLERS), "controller.type")
+    controller = decode(
+        paper.make_controller(kind, scenario, model), table, "controller"
+    )
+    observer = decode_observer(top.get("observer", {}), kind, model)
+    top.get("provenance", None)
+    choice(str(top.get("format", 1)), {"1": 1}, "format")
+    top.close()
     return kind, controller, observer
 
 

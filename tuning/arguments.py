@@ -46,6 +46,15 @@ def seed(text: str) -> int:
     return checked(text, int, lambda n: 0 <= n < 2**32, "a whole number in [0, 2^32)")
 
 
+def uncertainty(text: str) -> float | Path:
+    """A number in [0, 1), or the path of a file."""
+    if Path(text).suffix == ".toml":
+        return Path(text)
+    rule = "a number in [0, 1) or the path of a .toml file"
+    value: float = checked(text, float, lambda x: 0.0 <= x < 1.0, rule)
+    return value
+
+
 def checked(text: str, kind: Any, holds: Callable[[Any], bool], rule: str) -> Any:
     """The text as a number of a kind.
 

@@ -126,6 +126,13 @@ def _check(options: argparse.Namespace) -> int:
     return check(options)
 
 
+def _sweep(options: argparse.Namespace) -> int:
+    start_jax(options.precision, every_core=True)
+    from tuning.sweep.command import sweep
+
+    return sweep(options)
+
+
 def _init(options: argparse.Namespace) -> int:
     start_jax(64)
     from jaxglider import _uncertainty, config
@@ -166,6 +173,7 @@ _COMMANDS = {
     "simulate": _simulate,
     "tune": _tune,
     "check-gradients": _check,
+    "sweep": _sweep,
     "init": _init,
     "validate": _validate,
 }

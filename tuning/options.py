@@ -12,6 +12,7 @@ from tuning.arguments import (
     add_dt,
     seed,
 )
+from tuning.sweep.options import add_sweep
 from tuning.tune_options import add_check, add_tune
 
 
@@ -29,6 +30,7 @@ def parser() -> argparse.ArgumentParser:
     _add_compare(commands)
     add_tune(commands)
     add_check(commands)
+    add_sweep(commands)
     _add_simulate(commands)
     _add_init(commands)
     _add_validate(commands)

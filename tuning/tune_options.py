@@ -12,11 +12,11 @@ from tuning.arguments import (
     add_dt,
     add_output,
     below_one,
-    checked,
     count,
     not_negative,
     positive,
     seed,
+    uncertainty,
 )
 
 
@@ -174,7 +174,7 @@ def _add_ensemble(parser: argparse.ArgumentParser) -> None:
     )
     ensemble.add_argument(
         "--uncertainty",
-        type=_uncertainty,
+        type=uncertainty,
         default=0.2,
         metavar="H|FILE",
         help="relative half width of masses, inertias, coefficients and waves, or an "
@@ -212,12 +212,3 @@ def _add_ensemble(parser: argparse.ArgumentParser) -> None:
         help="your own cost instead: a function of the metrics of a run and of those "
         "at the start",
     )
-
-
-def _uncertainty(text: str) -> float | Path:
-    """A number in [0, 1), or the path of a file."""
-    if Path(text).suffix == ".toml":
-        return Path(text)
-    rule = "a number in [0, 1) or the path of a .toml file"
-    value: float = checked(text, float, lambda x: 0.0 <= x < 1.0, rule)
-    return value

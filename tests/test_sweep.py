@@ -1,0 +1,382 @@
+"""Campaigns: members that depend on nothing but their number, rows that survive."""
+
+import dataclasses
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import jax
+import netCDF4
+import numpy as np
+import pytest
+
+import tuning.cli
+import tuning.sweep.command
+from jaxglider.rollout import evaluate
+from jaxglider.uncertainty import with_member
+from tuning.cli import main
+from tuning.gain_files import resolve
+from tuning.sweep.campaign import STEP, compute, draw
+from tuning.sweep.columns import COLUMNS, Table, flatten, make_rows
+from tuning.sweep.engine import Engine
+from tuning.sweep.settings import Settings, build
+from tuning.sweep.store import Store, StoreFull, read_manifest, read_rows
+
+SETTINGS = Settings(
+    scenario="switching",
+    plant="printed",
+    dt=0.05,
+    duration=2.0,
+    precision=64,
+    seed=5,
+    members=4 * STEP,
+    design="monte-carlo",
+    uncertainty=0.2,
+    gains=resolve(["paper"], ["smc"]),
+)
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return build(SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def engines(campaign):
+    example = draw(campaign, 0, 1)[1]
+    devices = jax.local_devices()[:2]
+    both = Engine(campaign.loops, example, devices, piece=4)
+    return Engine(campaign.loops, example, devices[:1], piece=4), both
+
+
+def test_a_member_depends_on_seed_and_number_alone(campaign, engines):
+    one, two = engines
+    whole = compute(campaign, one, 0, 11)
+    assert len({row.tobytes() for row in whole["values"]}) == 11
+    # On two devices, in other chunks, from the middle on, and alone.
+    assert compute(campaign, two, 0, 11).tobytes() == whole.tobytes()
+    parts = [compute(campaign, two, a, b - a) for a, b in ((0, 3), (3, 10), (10, 11))]
+    assert np.concatenate(parts).tobytes() == whole.tobytes()
+    assert compute(campaign, one, 7, 1).tobytes() == whole[7:8].tobytes()
+
+
+def test_a_row_is_what_the_rollout_of_that_member_gives(campaign, engines):
+    rows = compute(campaign, engines[0], 2, 3)
+    member = jax.tree.map(lambda x: x[1], draw(campaign, 2, 3)[1])
+    metrics = jax.jit(evaluate)(*with_member(campaign.loops[0], member))
+    found = dict(zip(COLUMNS, rows["metrics"][1, 0], strict=True))
+    assert found["depth.rms_error"] > 0.0
+    np.testing.assert_allclose(rows["metrics"][1, 0], flatten(metrics), rtol=1e-9)
+    assert found["pitch.chattering"] == pytest.approx(
+        float(metrics.channels.pitch.chattering), rel=1e-9
+    )
+    assert found["finite"] == float(metrics.finite) == 1.0
+
+
+class Toy:
+    """An engine whose runs are known: a share leaves the funnel, some fail."""
+
+    width = STEP
+    log: tuple = ()
+
+    def __init__(self, loops, example):
+        self._gains = len(loops)
+
+    def run(self, members):
+        # By bits that depend on the member alone.
+        bits = np.asarray(members.key)[:, 0].astype(np.int64)
+        found = np.full((len(bits), self._gains, len(COLUMNS)), 0.5)
+        found[:, :, COLUMNS.index("finite")] = 1.0
+        found[:, :, COLUMNS.index("capsized")] = 0.0
+        for name in ("depth", "pitch", "heading"):
+            found[:, :, COLUMNS.index(f"{name}.time_outside_funnel")] = 0.0
+        found[bits % 4 == 0, :, COLUMNS.index("depth.time_outside_funnel")] = 0.1
+        found[bits % 100 == 1] = np.nan
+        for name, flag in (("finite", 0.0), ("capsized", 1.0)):
+            found[bits % 100 == 1, :, COLUMNS.index(name)] = flag
+        found[:, :, COLUMNS.index("pitch.rms_error")] += (bits % 997)[:, None]
+        for gains in range(1, self._gains):
+            found[:, gains, COLUMNS.index("pitch.rms_error")] -= 0.25
+        return found
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tuning.cli, "start_jax", lambda *a, **k: None)
+    monkeypatch.setattr(tuning.sweep.command, "Engine", Toy)
+
+    def run(text):
+        try:
+            code = main(text.split())
+        except SystemExit as stop:
+            code = stop.code
+        return code, *capsys.readouterr()
+
+    return run
+
+
+RUN = "sweep --precision 64 --plant printed --duration 2 --controller smc "
+
+
+def test_a_campaign_says_what_its_rows_hold(call, tmp_path):
+    code, out, err = call(RUN + "--members 1200 --out a --json")
+    assert code == 0
+    summary = json.loads(out)
+    assert summary == json.loads((tmp_path / "a/summary.json").read_text())
+    rows = read_rows(tmp_path / "a/rows.bin", read_manifest(tmp_path / "a").row_type())
+    failed = ~(rows["metrics"][:, 0, COLUMNS.index("finite")] == 1.0)
+    left = rows["metrics"][:, 0, COLUMNS.index("depth.time_outside_funnel")] > 0.0
+    found = summary["controllers"]["smc"]
+    assert found["failed_members"] == np.flatnonzero(failed).tolist()
+    assert 1 <= len(found["failed_members"]) < 100
+    chances = found["probabilities"]
+    # A run that failed counts as every kind of trouble.
+    assert chances["p_violation"]["k"] == np.sum(left | failed)
+    assert chances["p_violation_heading"]["k"] == failed.sum()
+    assert chances["p_capsize"]["k"] == chances["p_failure"]["k"] == failed.sum()
+    assert chances["p_violation"]["n"] == 1200
+    assert found["worst_member"] in found["failed_members"]
+    assert found["measures"]["pitch.rms_error"]["worst"] is None
+    assert found["measures"]["pitch.rms_error"]["q50"]["value"] is not None
+    assert "1200 members" in err
+    with netCDF4.Dataset(tmp_path / "a/members.nc") as file:
+        assert file.dimensions["member"].size == 1200
+        np.testing.assert_array_equal(file["drag"][:], rows["values"][:, _drag(file)])
+        assert file["drag"].units == "kg/m"
+        assert np.isnan(file["run_pitch_rms_effort"][failed, 0].filled(np.nan)).all()
+        np.testing.assert_array_equal(file["run_finite"][:, 0] == 0, failed)
+
+
+def _drag(file):
+    names = [n for n, v in file.variables.items() if "drawn value" in v.long_name]
+    return names.index("drag")
+
+
+def test_shards_and_resumed_campaigns_have_the_rows_of_the_whole(
+    call, tmp_path, monkeypatch
+):
+    assert call(RUN + "--members 1500 --out whole")[0] == 0
+    whole = (tmp_path / "whole/rows.bin").read_bytes()
+    for i in (1, 2, 3):
+        assert call(RUN + f"--members 1500 --out s{i} --shard {i}/3")[0] == 0
+    parts = [(tmp_path / f"s{i}/rows.bin").read_bytes() for i in (1, 2, 3)]
+    assert b"".join(parts) == whole
+
+    class Interrupted(Toy):
+        def run(self, members):
+            if np.asarray(members.key).shape[0] != STEP:
+                raise KeyboardInterrupt
+            return super().run(members)
+
+    monkeypatch.setattr(tuning.sweep.command, "Engine", Interrupted)
+    code, _, err = call(RUN + "--members 1500 --out cut")
+    assert code == 130
+    assert "1024 members are safe" in err
+    assert json.loads((tmp_path / "cut/summary.json").read_text())["members"] == 1024
+    # What a crash may leave: half a row at the end, and one whose bits are wrong.
+    file = tmp_path / "cut/rows.bin"
+    size = read_manifest(tmp_path / "cut").row_type().itemsize
+    broken = bytearray(file.read_bytes() + whole[:100])
+    broken[1000 * size + 40] ^= 1
+    file.write_bytes(broken)
+    monkeypatch.setattr(tuning.sweep.command, "Engine", Toy)
+    code, _, err = call(RUN + "--members 1500 --out cut --resume")
+    assert code == 0
+    assert f"cut off {24 * size + 100} bytes" in err
+    assert file.read_bytes() == whole
+
+
+def test_a_finished_campaign_is_not_computed_again(call, tmp_path, monkeypatch):
+    assert call(RUN + "--members 600 --out a")[0] == 0
+    monkeypatch.setattr(tuning.sweep.command, "Engine", None)
+    assert call(RUN + "--members 600 --out a --resume")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("--members 600 --out a", ("--out a holds a campaign", "--resume")),
+        ("--members 601 --out a --resume", ("other options (members)",)),
+        ("--members 600 --seed 1 --out a --resume", ("other options (seed)",)),
+        ("--members 600 --shard 1/2 --out a --resume", ("other options (shard)",)),
+        ("--members 600 --uncertainty 0.3 --out a --resume", ("(uncertainty)",)),
+        ("--members 0", ("--members", "at least 1")),
+        ("--shard 3/2", ("--shard", "1 <= I <= N", "'3/2'")),
+        ("--gains gone.toml", ("gone.toml", "no such file")),
+        ("--gains u.toml", ("u.toml", "controller.type is missing")),
+        ("--uncertainty gone.toml", ("gone.toml", "cannot be read")),
+        ("--uncertainty u.toml", ("--uncertainty", "vehicle")),
+        ("--uncertainty 0", ("--uncertainty must be above zero",)),
+        ("--uncertainty 1", ("--uncertainty", "[0, 1)")),
+        ("--until-ci 0.1 --shard 1/2", ("--until-ci does not go with --shard",)),
+        ("--require p_violation", ("--require", "p_violation<0.01")),
+        ("--require p_flood<1", ("--require", "'p_flood' is no quantity")),
+        ("--require ppc:p_capsize<1", ("no gains are called 'ppc'", "smc")),
+        ("--require roll.speed.q95<1", ("no measure 'roll.speed'", "max_roll")),
+    ],
+)
+def test_what_cannot_be_run_is_refused(call, tmp_path, text, parts):
+    (tmp_path / "u.toml").write_text("[[vehicles]]\nnames = 'all'\n")
+    assert call(RUN + "--members 600 --out a")[0] == 0
+    before = (tmp_path / "a/rows.bin").read_bytes()
+    code, out, err = call(RUN + text)
+    assert (code, out) == (2, "")
+    for part in parts:
+        assert part in err.splitlines()[-1]
+    assert (tmp_path / "a/rows.bin").read_bytes() == before
+
+
+def test_requirements_are_met_by_whole_intervals(call, tmp_path):
+    base = RUN + "--members 600 --out a "
+    code, out, _ = call(base + "--require p_violation<0.5 smc:p_failure<0.2")
+    assert code == 0
+    assert out.count(": met by smc") == 2
+    # The estimate is about 0.25: the interval reaches beyond 0.26.
+    estimate = json.loads((tmp_path / "a/summary.json").read_text())
+    found = estimate["controllers"]["smc"]["probabilities"]["p_violation"]
+    between = (found["p"] + found["interval"][1]) / 2
+    code, out, _ = call(base + f"--resume --require p_violation<{between}")
+    assert code == 3
+    assert "not shown by smc" in out
+    code, out, _ = call(base + "--resume --require p_violation<0.1")
+    assert code == 3
+    assert "violated by smc" in out
+    code, _, _ = call(base + "--resume --require p_violation>0.1")
+    assert code == 0
+
+
+def test_a_campaign_stops_when_it_knows_enough(call, tmp_path):
+    base = RUN + "--members 100000 --until-ci 0.06 --out a"
+    code, out, _ = call(base + " --json")
+    summary = json.loads(out)
+    low, high = summary["controllers"]["smc"]["probabilities"]["p_violation"][
+        "interval"
+    ]
+    assert code == 0
+    assert high - low <= 0.06
+    # 4 · 1.96² · p(1 − p)/0.06² for p near 1/4.
+    assert summary["members"] in (STEP, 2 * STEP)
+    rows = (tmp_path / "a/rows.bin").read_bytes()
+    assert call(base + " --resume")[0] == 0
+    assert (tmp_path / "a/rows.bin").read_bytes() == rows
+
+
+def test_several_levels_and_gains_meet_the_same_members(call, tmp_path):
+    code, out, _ = call(
+        "sweep --precision 64 --plant printed --duration 2 --controller smc ppc "
+        "--members 520 --uncertainty 0.1 0.3 --out a --json"
+    )
+    assert code == 0
+    levels = json.loads(out)["levels"]
+    assert [level["uncertainty"] for level in levels] == [0.1, 0.3]
+    pair = levels[0]["paired"][0]
+    failed = levels[0]["controllers"]["smc"]["failed_members"]
+    error = pair["measures"]["pitch.rms_error"]
+    assert (pair["first"], pair["second"]) == ("smc", "ppc")
+    assert error["difference"] == pytest.approx(-0.25)
+    assert error["wins"] == 520 - len(failed)
+    assert error["ties"] == len(failed)
+    assert pair["violation"]["p_value"] == 1.0
+    draws = []
+    for level in (0.1, 0.3):
+        folder = tmp_path / f"a/uncertainty-{level}"
+        rows = read_rows(folder / "rows.bin", read_manifest(folder).row_type())
+        nominal = build(dataclasses.replace(SETTINGS)).uncertainty.scenario
+        mass = float(nominal.plant.parameters.surge_mass)
+        names = [q[0] for q in read_manifest(folder).quantities]
+        draws.append(
+            (rows["values"][:, names.index("surge_mass")] / mass - 1.0) / level
+        )
+    np.testing.assert_allclose(*draws, atol=1e-9)
+
+
+def test_rows_that_cannot_be_written_leave_those_before_safe(tmp_path):
+    rows = make_rows(0, np.ones((4, 2)), np.ones((4, 1, len(COLUMNS))))
+    store = Store(tmp_path / "rows.bin", rows.dtype, 0)
+    store.append(rows[:2])
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    limit = int(2.5 * rows.dtype.itemsize)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, old[1]))
+        with pytest.raises(StoreFull, match=r"2 members are safe. Make room"):
+            store.append(rows[2:])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, old)
+    assert (tmp_path / "rows.bin").read_bytes() == rows[:2].tobytes()
+    store.append(rows[2:])
+    assert store.rows().tobytes() == rows.tobytes()
+    with pytest.raises(ValueError, match="another process"):
+        Store(tmp_path / "rows.bin", rows.dtype, 0)
+    store.close()
+
+
+def test_a_full_disk_ends_a_campaign_with_code_1(call, tmp_path):
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, old[1]))
+        code, _, err = call(RUN + "--members 1500 --out a")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, old)
+    assert code == 1
+    assert "512 members are safe. Make room and go on with --resume" in err
+    assert call(RUN + "--members 1500 --out a --resume")[0] == 0
+    assert call(RUN + "--members 1500 --out b")[0] == 0
+    rows = [(tmp_path / f"{name}/rows.bin").read_bytes() for name in "ab"]
+    assert rows[0] == rows[1]
+
+
+def test_a_column_of_a_failed_run_is_infinite():
+    metrics = np.ones((3, 1, len(COLUMNS)))
+    metrics[1, 0, COLUMNS.index("finite")] = 0.0
+    metrics[2, 0, COLUMNS.index("depth.rms_error")] = np.nan
+    table = Table(make_rows(0, np.ones((3, 1)), metrics), ("x",))
+    np.testing.assert_array_equal(
+        table.column(0, "depth.rms_error"), [1.0, np.inf, np.inf]
+    )
+
+
+def test_killed_and_resumed_it_has_the_rows_of_an_uninterrupted_one(tmp_path):
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(("JAX", "XLA"))}
+    environment = {
+        **clean,
+        "JAX_PLATFORMS": "cpu",
+        "JAX_NUM_CPU_DEVICES": "1",
+        "XDG_CACHE_HOME": str(tmp_path),
+    }
+    told = ["--members", "1800", "--duration", "40"]
+
+    def command(out, *more):
+        base = [sys.executable, "-m", "tuning", *RUN.split(), *told]
+        return [*base, "--out", str(tmp_path / out), *more]
+
+    def finish(*arguments):
+        done = subprocess.run(
+            command(*arguments),
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+
+    rows = tmp_path / "killed/rows.bin"
+    running = subprocess.Popen(
+        command("killed"), env=environment, stderr=subprocess.DEVNULL
+    )
+    deadline = time.monotonic() + 120.0
+    while not (rows.exists() and rows.stat().st_size) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    running.send_signal(signal.SIGKILL)
+    assert running.wait() == -signal.SIGKILL
+    finish("killed", "--resume")
+    finish("whole")
+    whole = tmp_path / "whole/rows.bin"
+    assert rows.read_bytes() == whole.read_bytes()
+    assert (
+        len(rows.read_bytes()) == 1800 * read_manifest(whole.parent).row_type().itemsize
+    )

@@ -1,0 +1,129 @@
+"""Intervals that cover what they say, checked against exact laws and by repetition."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tuning.sweep.statistics import (
+    clopper_pearson,
+    cvar,
+    discordant,
+    paired,
+    probability,
+    quantile,
+    spread,
+)
+
+
+@pytest.mark.parametrize(
+    ("k", "n", "interval"),
+    [
+        # Closed forms at the ends: 1 − (α/2)^(1/n).
+        (0, 10, (0.0, 1.0 - 0.025**0.1)),
+        (10, 10, (0.025**0.1, 1.0)),
+        # Clopper and Pearson's own table, two digits: 5 of 10.
+        (5, 10, (0.187086, 0.812914)),
+    ],
+)
+def test_exact_interval_against_closed_forms_and_the_published_table(k, n, interval):
+    assert clopper_pearson(k, n) == pytest.approx(interval, abs=1e-6)
+
+
+@pytest.mark.parametrize(("n", "p"), [(20, 0.1), (200, 0.02), (500, 0.37)])
+def test_exact_interval_covers_at_least_what_it_says(n, p):
+    # Summed over the binomial law itself: no sampling error.
+    k = np.arange(n + 1)
+    inside = [low <= p <= high for low, high in (clopper_pearson(int(j), n) for j in k)]
+    covered = float(np.sum(stats.binom.pmf(k, n, p)[inside]))
+    assert 0.95 <= covered <= 0.99
+
+
+def test_exact_interval_covers_a_toy_of_known_probability():
+    # A cheap model: a uniform number leaves its funnel when above 0.9.
+    rng = np.random.default_rng(0)
+    repeats, n = 4000, 300
+    events = rng.random((repeats, n)) > 0.9
+    hits = 0
+    for row in events:
+        low, high = probability(row)["interval"]
+        hits += low <= 0.1 <= high
+    # Five standard deviations of the repetition are 1.7 %.
+    exact = _exact_coverage(n, 0.1)
+    assert exact >= 0.95
+    assert hits / repeats == pytest.approx(exact, abs=0.017)
+
+
+def _exact_coverage(n, p):
+    k = np.arange(n + 1)
+    inside = [a <= p <= b for a, b in (clopper_pearson(int(j), n) for j in k)]
+    return float(np.sum(stats.binom.pmf(k, n, p)[inside]))
+
+
+@pytest.mark.parametrize("bad", [(-1, 10), (11, 10), (0, 0)])
+def test_counts_that_are_none_are_refused(bad):
+    with pytest.raises(ValueError, match="successes must be in"):
+        clopper_pearson(*bad)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
+def test_quantile_intervals_cover_whatever_the_law(share):
+    rng = np.random.default_rng(1)
+    truth = stats.expon.ppf(share)
+    repeats, hits = 2000, 0
+    for row in rng.exponential(size=(repeats, 200)):
+        low, high = quantile(row, share)["interval"]
+        hits += low <= truth <= high
+    assert 0.945 <= hits / repeats <= 0.985
+
+
+def test_a_quantile_that_the_members_are_too_few_for_has_an_open_end():
+    found = quantile(np.arange(20.0), 0.99)
+    assert found["value"] == 19.0
+    assert found["interval"][1] is None
+    assert quantile(np.arange(20.0), 0.05)["interval"][0] is None
+
+
+def test_cvar_of_a_known_law_and_its_coverage():
+    # Of the exponential law: 1 − ln(0.05) at 5 %.
+    truth = 1.0 - np.log(0.05)
+    rng = np.random.default_rng(2)
+    assert cvar(rng.exponential(size=400_000))["value"] == pytest.approx(
+        truth, rel=0.01
+    )
+    hits = 0
+    for row in rng.exponential(size=(500, 2000)):
+        low, high = cvar(row)["interval"]
+        hits += low <= truth <= high
+    assert 0.9 <= hits / 500 <= 0.98
+
+
+def test_a_failed_run_is_the_worst_of_all_and_never_left_out():
+    values = np.array([1.0, 2.0, 3.0, np.inf])
+    found = spread(values)
+    assert found["mean"] is None
+    assert found["worst"] is None
+    assert found["cvar95"]["value"] is None
+    assert found["q50"]["value"] == 2.0
+
+
+def test_paired_comparison_by_hand():
+    first = np.array([1.0, 2.0, 3.0, np.inf, np.inf])
+    second = np.array([0.5, 2.5, 1.0, 1.0, np.inf])
+    found = paired(first, second)
+    assert found["pairs"] == 3
+    assert found["difference"] == pytest.approx(-2.0 / 3.0)
+    assert (found["wins"], found["losses"], found["ties"]) == (3, 1, 1)
+    assert found["win_rate"] == 0.75
+    assert found["win_interval"] == list(clopper_pearson(3, 4))
+    test = stats.ttest_1samp([-0.5, 0.5, -2.0], 0.0)
+    assert found["interval"] == pytest.approx(list(test.confidence_interval(0.95)))
+
+
+def test_discordant_pairs_by_hand():
+    first = np.array([True, True, True, False, False])
+    second = np.array([False, False, False, False, True])
+    found = discordant(first, second)
+    assert (found["only_first"], found["only_second"]) == (3, 1)
+    assert found["difference"] == pytest.approx(-0.4)
+    # Two-sided binomial: 2 (1 + 4)/16.
+    assert found["p_value"] == pytest.approx(0.625)

@@ -1,0 +1,138 @@
+"""What a user requires of a campaign, as `p_violation<0.01`; nothing here imports JAX.
+
+A requirement is met where the whole confidence interval is on the right side. Where
+only the estimate is, the members are too few to say so, and that does not count as met.
+"""
+
+import argparse
+import dataclasses
+import operator
+import re
+from collections.abc import Sequence
+from typing import Any
+
+PROBABILITIES = (
+    "p_violation",
+    "p_violation_depth",
+    "p_violation_pitch",
+    "p_violation_heading",
+    "p_capsize",
+    "p_unfinished",
+    "p_failure",
+)
+STATISTICS = ("mean", "q05", "q50", "q95", "q99", "cvar95", "worst")
+_OPERATORS = {
+    "<=": operator.le,
+    ">=": operator.ge,
+    "<": operator.lt,
+    ">": operator.gt,
+}
+_FORM = re.compile(r"^(?:(.+):)?\s*([\w.]+)\s*(<=|>=|<|>)\s*(\S+)\s*$")
+
+
+@dataclasses.dataclass(frozen=True)
+class Requirement:
+    """One inequality.
+
+    Attributes:
+        text: as it was given.
+        label: of the set of gains it is asked of; empty for all.
+        quantity: a probability, or a measure with a statistic.
+        comparison: the sign.
+        limit: the number.
+    """
+
+    text: str
+    label: str
+    quantity: str
+    comparison: str
+    limit: float
+
+    def check(self, labels: Sequence[str], measures: Sequence[str]) -> None:
+        """Refuse what no campaign of these could say.
+
+        Args:
+            labels: of the sets of gains.
+            measures: that are summarised.
+
+        Raises:
+            ValueError: there is no such set of gains or measure.
+        """
+        if self.label and self.label not in labels:
+            raise ValueError(
+                f"--require {self.text}: no gains are called {self.label!r}; there "
+                f"are {', '.join(labels)}."
+            )
+        measure = self.quantity.rpartition(".")[0]
+        if self.quantity not in PROBABILITIES and measure not in measures:
+            raise ValueError(
+                f"--require {self.text}: there is no measure {measure!r}; choose from "
+                f"{', '.join(measures)}."
+            )
+
+    def judged(self, controllers: dict[str, Any]) -> list[dict[str, Any]]:
+        """The verdict for each set of gains it is asked of.
+
+        Args:
+            controllers: of the summary.
+        """
+        chosen = [self.label] if self.label else list(controllers)
+        return [self._judge(label, controllers[label]) for label in chosen]
+
+    def _judge(self, label: str, found: dict[str, Any]) -> dict[str, Any]:
+        estimate, interval = self._look_up(found)
+        holds = _OPERATORS[self.comparison]
+        less = self.comparison.startswith("<")
+        end = interval[1 if less else 0] if interval else estimate
+        if estimate is None or not holds(estimate, self.limit):
+            verdict = "violated"
+        elif end is None or not holds(end, self.limit):
+            verdict = "not shown"
+        else:
+            verdict = "met"
+        return {
+            "requirement": self.text,
+            "controller": label,
+            "estimate": estimate,
+            "interval": interval,
+            "verdict": verdict,
+        }
+
+    def _look_up(self, found: dict[str, Any]) -> tuple[float | None, Any]:
+        if self.quantity in PROBABILITIES:
+            entry = found["probabilities"][self.quantity]
+            return entry["p"], entry["interval"]
+        measure, _, statistic = self.quantity.rpartition(".")
+        entry = found["measures"][measure][statistic]
+        if isinstance(entry, dict):
+            return entry["value"], entry["interval"]
+        return entry, None
+
+
+def requirement(text: str) -> Requirement:
+    """A requirement from the command line.
+
+    Raises:
+        argparse.ArgumentTypeError: it cannot be read.
+    """
+    form = _FORM.match(text)
+    limit = None
+    if form:
+        try:
+            limit = float(form[4])
+        except ValueError:
+            limit = None
+    if form is None or limit is None:
+        raise argparse.ArgumentTypeError(
+            "must be [LABEL:]QUANTITY<NUMBER (or <=, >, >=), as p_violation<0.01; "
+            f"received {text!r}."
+        )
+    quantity = form[2]
+    known = quantity in PROBABILITIES or quantity.rpartition(".")[2] in STATISTICS
+    if not known:
+        raise argparse.ArgumentTypeError(
+            f"{quantity!r} is no quantity: give one of {', '.join(PROBABILITIES)}, or "
+            "a measure with a statistic, as heading.rms_error.q95 (statistics: "
+            f"{', '.join(STATISTICS)})."
+        )
+    return Requirement(text, form[1] or "", quantity, form[3], limit)

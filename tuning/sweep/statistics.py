@@ -1,0 +1,176 @@
+"""What may be said of a population from members drawn at random, and how surely.
+
+| of | estimate | interval |
+|---|---|---|
+| probability | k/n | Clopper and Pearson (1934): exact, covers at least what it says |
+| quantile | order statistic | two order statistics, by the binomial law |
+| CVaR | mean of the worst share | normal, by its influence function |
+| mean of paired differences | mean | Student |
+| who wins | wins/(wins + losses) | Clopper and Pearson |
+
+An infinite number stands for a run that failed: worse than all others, never left out.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+LEVEL = 0.95
+"""Confidence of every interval, unless said otherwise."""
+
+
+def clopper_pearson(
+    successes: int, trials: int, level: float = LEVEL
+) -> tuple[float, float]:
+    """The exact interval of a probability from k successes in n independent trials.
+
+    [B(α/2; k, n − k + 1), B(1 − α/2; k + 1, n − k)], B quantiles of the beta law.
+
+    Raises:
+        ValueError: not 0 ≤ k ≤ n with n ≥ 1.
+    """
+    if not 0 <= successes <= trials or trials < 1:
+        raise ValueError(
+            "successes must be in [0, trials], trials at least 1; received "
+            f"{successes} of {trials}."
+        )
+    tail = (1.0 - level) / 2.0
+    k, n = successes, trials
+    low = 0.0 if k == 0 else float(stats.beta.ppf(tail, k, n - k + 1))
+    high = 1.0 if k == n else float(stats.beta.ppf(1.0 - tail, k + 1, n - k))
+    return low, high
+
+
+def probability(events: np.ndarray, level: float = LEVEL) -> dict[str, Any]:
+    """How often something happened, and what that says of how likely it is."""
+    k, n = int(np.sum(events)), len(events)
+    return {
+        "k": k,
+        "n": n,
+        "p": k / n,
+        "interval": list(clopper_pearson(k, n, level)),
+    }
+
+
+def quantile(values: np.ndarray, share: float, level: float = LEVEL) -> dict[str, Any]:
+    """A quantile and the two order statistics that enclose it.
+
+    X_(l) ≤ q ≤ X_(u) with at least the level's probability, l and u from the binomial
+    law of how many of n values lie below q. An end that n is too small for is None.
+
+    Args:
+        values: may be infinite.
+        share: of the values below, in (0, 1).
+        level: of confidence.
+    """
+    ordered, n = np.sort(values), len(values)
+    below = stats.binom(n, share)
+    tail = (1.0 - level) / 2.0
+    low, high = int(below.ppf(tail)), int(below.ppf(1.0 - tail)) + 1
+    # In the counting from one: low = 0 and high = n + 1 are no order statistics.
+    return {
+        "value": plain(ordered[max(math.ceil(share * n), 1) - 1]),
+        "interval": [
+            plain(ordered[low - 1]) if low >= 1 else None,
+            plain(ordered[high - 1]) if high <= n else None,
+        ],
+    }
+
+
+def cvar(
+    values: np.ndarray, share: float = 0.05, level: float = LEVEL
+) -> dict[str, Any]:
+    """The mean of the worst share of the values: conditional value at risk.
+
+    CVaR = q + E[max(x − q, 0)]/share, q the quantile at 1 − share. None where a failed
+    run is among the worst share: the mean is infinite.
+
+    Args:
+        values: may be infinite.
+        share: of the values that count.
+        level: of confidence.
+    """
+    n = len(values)
+    q = np.sort(values)[max(math.ceil((1.0 - share) * n), 1) - 1]
+    if not np.all(np.isfinite(values)):
+        return {"value": None, "interval": None}
+    excess = np.maximum(values - q, 0.0) / share
+    centre = float(q + excess.mean())
+    if n < 2:
+        return {"value": centre, "interval": None}
+    half = float(stats.norm.ppf(0.5 + level / 2.0) * excess.std(ddof=1) / math.sqrt(n))
+    return {"value": centre, "interval": [centre - half, centre + half]}
+
+
+def spread(values: np.ndarray, level: float = LEVEL) -> dict[str, Any]:
+    """Mean, quantiles with intervals, CVaR and the worst of a measure."""
+    known = values[np.isfinite(values)]
+    return {
+        "mean": float(known.mean()) if len(known) == len(values) else None,
+        "q05": quantile(values, 0.05, level),
+        "q50": quantile(values, 0.50, level),
+        "q95": quantile(values, 0.95, level),
+        "q99": quantile(values, 0.99, level),
+        "cvar95": cvar(values, 0.05, level),
+        "worst": plain(values.max()),
+    }
+
+
+def paired(first: np.ndarray, second: np.ndarray) -> dict[str, Any]:
+    """Two sets of gains on the same members: how much less, and how often, the second.
+
+    The difference, second − first, is over the pairs in which neither failed; who wins
+    is over all, a failed run losing against one that did not fail.
+
+    Args:
+        first: of each member, infinite where it failed.
+        second: likewise.
+    """
+    usable = np.isfinite(first) & np.isfinite(second)
+    difference = second[usable] - first[usable]
+    wins, losses = int(np.sum(second < first)), int(np.sum(second > first))
+    found: dict[str, Any] = {
+        "pairs": len(difference),
+        "difference": float(difference.mean()) if len(difference) else None,
+        "interval": None,
+        "wins": wins,
+        "losses": losses,
+        "ties": len(first) - wins - losses,
+        "win_rate": None,
+        "win_interval": None,
+    }
+    if len(difference) > 1:
+        half = stats.t.ppf(0.5 + LEVEL / 2, len(difference) - 1) * stats.sem(difference)
+        centre = found["difference"]
+        found["interval"] = [float(centre - half), float(centre + half)]
+    if wins + losses:
+        found["win_rate"] = wins / (wins + losses)
+        found["win_interval"] = list(clopper_pearson(wins, wins + losses))
+    return found
+
+
+def discordant(first: np.ndarray, second: np.ndarray) -> dict[str, Any]:
+    """Events of two sets of gains on the same members: McNemar's exact test.
+
+    Args:
+        first: whether it happened, for each member.
+        second: likewise.
+    """
+    only_first = int(np.sum(first & ~second))
+    only_second = int(np.sum(~first & second))
+    total = only_first + only_second
+    value = 1.0 if total == 0 else float(stats.binomtest(only_second, total).pvalue)
+    return {
+        "only_first": only_first,
+        "only_second": only_second,
+        "difference": float(second.mean() - first.mean()),
+        "p_value": value,
+    }
+
+
+def plain(value: Any) -> float | None:
+    """A finite number, or None."""
+    number = float(value)
+    return number if math.isfinite(number) else None

@@ -1,0 +1,196 @@
+"""What a campaign says: probabilities, measures and comparisons, as plain numbers."""
+
+from typing import Any
+
+import numpy as np
+
+from tuning.sweep.columns import CHANNELS, Table
+from tuning.sweep.settings import Settings
+from tuning.sweep.statistics import discordant, paired, probability, spread
+
+MEASURES = (
+    *(
+        f"{channel}.{measure}"
+        for channel in CHANNELS
+        for measure in (
+            "max_error",
+            "max_error_settled",
+            "rms_error",
+            "rms_effort",
+            "chattering",
+            "time_outside_funnel",
+            "time_saturated",
+            "funnel_peak",
+        )
+    ),
+    "max_roll",
+    "max_pitch",
+    "end_time",
+)
+"""Columns that are summarised."""
+COMPARED = tuple(
+    f"{channel}.{measure}"
+    for channel in CHANNELS
+    for measure in ("rms_error", "rms_effort", "chattering")
+)
+"""Columns that are compared member by member."""
+
+
+def summarise(
+    settings: Settings,
+    table: Table,
+    kinds: tuple[str, ...],
+    waypoints: int | None,
+    level: float,
+) -> dict[str, Any]:
+    """The summary of a campaign.
+
+    Args:
+        settings: of the campaign.
+        table: its rows.
+        kinds: of the controllers.
+        waypoints: of the course, or None where there is none.
+        level: confidence of the intervals.
+    """
+    controllers = {}
+    for number, (label, kind) in enumerate(zip(table.labels, kinds, strict=True)):
+        controllers[label] = {
+            "kind": kind,
+            "origin": settings.gains[number].origin,
+            "probabilities": probabilities(table, number, waypoints, level),
+            "failed_members": numbers_of(table, table.failed(number)),
+            "worst_member": ranked(table, number)[-1],
+            "median_member": ranked(table, number)[(len(table) - 1) // 2],
+            "measures": {
+                name: spread(table.column(number, name), level) for name in MEASURES
+            },
+        }
+    told = settings.uncertainty
+    return {
+        "scenario": settings.scenario,
+        "plant": settings.plant,
+        "precision": settings.precision,
+        "design": settings.design,
+        "seed": settings.seed,
+        "uncertainty": told if isinstance(told, float) else "file",
+        "members": len(table),
+        "members_asked_for": settings.members,
+        "confidence": level,
+        "controllers": controllers,
+        "paired": comparisons(table),
+    }
+
+
+def probabilities(
+    table: Table, number: int, waypoints: int | None, level: float
+) -> dict[str, Any]:
+    """How likely each kind of trouble is; a failed run counts as all of them."""
+    events = {"p_violation": table.left_funnel(number)}
+    for channel in CHANNELS:
+        events[f"p_violation_{channel}"] = table.left_funnel(number, channel)
+    events["p_capsize"] = table.capsized(number)
+    events["p_unfinished"] = table.unfinished(number, waypoints)
+    events["p_failure"] = table.failed(number)
+    return {name: probability(event, level) for name, event in events.items()}
+
+
+def comparisons(table: Table) -> list[dict[str, Any]]:
+    """The first set of gains against each other one, on the same members."""
+    return [
+        {
+            "first": table.labels[0],
+            "second": table.labels[number],
+            "violation": discordant(table.left_funnel(0), table.left_funnel(number)),
+            "measures": {
+                name: paired(table.column(0, name), table.column(number, name))
+                for name in COMPARED
+            },
+        }
+        for number in range(1, len(table.labels))
+    ]
+
+
+def severity(table: Table, number: int) -> np.ndarray:
+    """The largest error over the edge of its funnel; infinite for failures."""
+    peaks = [table.column(number, f"{channel}.funnel_peak") for channel in CHANNELS]
+    return np.maximum.reduce(peaks)
+
+
+def ranked(table: Table, number: int) -> list[int]:
+    """Numbers of the members from the least to the most severe."""
+    order = np.argsort(severity(table, number), kind="stable")
+    return [int(n) for n in table.rows["member"][order]]
+
+
+def numbers_of(table: Table, chosen: np.ndarray) -> list[int]:
+    """Numbers of the members chosen."""
+    return [int(n) for n in table.rows["member"][chosen]]
+
+
+_LINES = {
+    "p_violation": "left a funnel",
+    "p_violation_depth": "  depth",
+    "p_violation_pitch": "  pitch",
+    "p_violation_heading": "  heading",
+    "p_capsize": "rolled past 90 deg",
+    "p_unfinished": "did not finish",
+    "p_failure": "not finite",
+}
+
+
+def text_summary(summary: dict[str, Any]) -> str:
+    """The summary as a table for a terminal."""
+    controllers = summary["controllers"]
+    wide = max(28, *(len(label) + 2 for label in controllers))
+    told = summary["uncertainty"]
+    half = f"{100 * told:g} %" if isinstance(told, float) else "from a file"
+    lines = [
+        f"{summary['members']} members, {summary['scenario']} on {summary['plant']}, "
+        f"uncertainty {half}, {100 * summary['confidence']:g} % intervals",
+        f"{'probability':<22}" + "".join(f"{label:>{wide}}" for label in controllers),
+    ]
+    for name, title in _LINES.items():
+        cells = "".join(
+            f"{in_interval(found['probabilities'][name]):>{wide}}"
+            for found in controllers.values()
+        )
+        lines.append(f"{title:<22}{cells}")
+    lines.append(f"{'95 % of members below':<22}")
+    for channel, unit in CHANNELS.items():
+        cells = "".join(
+            f"{_quantile(found['measures'][f'{channel}.rms_error']['q95']):>{wide}}"
+            for found in controllers.values()
+        )
+        lines.append(f"{f'  {channel} L2[e] [{unit}]':<22}{cells}")
+    for label, found in controllers.items():
+        lines.append(
+            f"{label}: worst member {found['worst_member']}, "
+            f"median {found['median_member']}"
+        )
+    for entry in summary.get("requirements", ()):
+        lines.append(
+            f"{entry['requirement']}: {entry['verdict']} by {entry['controller']} "
+            f"({short(entry['estimate'])} {brackets(entry['interval'])})"
+        )
+    return "\n".join(lines)
+
+
+def in_interval(found: dict[str, Any]) -> str:
+    """A probability with its interval."""
+    return f"{found['p']:.4g} {brackets(found['interval'])}"
+
+
+def _quantile(found: dict[str, Any]) -> str:
+    return f"{short(found['value'])} {brackets(found['interval'])}"
+
+
+def brackets(interval: list[Any] | None) -> str:
+    """An interval; a question mark where the members are too few for an end."""
+    if interval is None:
+        return ""
+    return "[" + ", ".join("?" if x is None else f"{x:.3g}" for x in interval) + "]"
+
+
+def short(value: float | None) -> str:
+    """A number in a table; a dash for none."""
+    return "-" if value is None else f"{value:.3g}"
