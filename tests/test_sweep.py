@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -13,16 +14,20 @@ import jax
 import netCDF4
 import numpy as np
 import pytest
+from scipy import stats
 
 import tuning.cli
 import tuning.sweep.command
-from jaxglider.rollout import evaluate
+import tuning.sweep.report
+from jaxglider.rollout import evaluate, simulate
 from jaxglider.uncertainty import with_member
 from tuning.cli import main
 from tuning.gain_files import resolve
 from tuning.sweep.campaign import STEP, compute, draw
-from tuning.sweep.columns import COLUMNS, Table, flatten, make_rows
+from tuning.sweep.columns import CHANNELS, COLUMNS, Table, flatten, make_rows
+from tuning.sweep.drivers import rank_correlations
 from tuning.sweep.engine import Engine
+from tuning.sweep.ribbons import Ribbons, ribbons
 from tuning.sweep.settings import Settings, build
 from tuning.sweep.store import Store, StoreFull, read_manifest, read_rows
 
@@ -120,7 +125,7 @@ def call(tmp_path, monkeypatch, capsys):
     return run
 
 
-RUN = "sweep --precision 64 --plant printed --duration 2 --controller smc "
+RUN = "sweep --no-report --precision 64 --plant printed --duration 2 --controller smc "
 
 
 def test_a_campaign_says_what_its_rows_hold(call, tmp_path):
@@ -269,6 +274,7 @@ def test_a_campaign_stops_when_it_knows_enough(call, tmp_path):
 def test_several_levels_and_gains_meet_the_same_members(call, tmp_path):
     code, out, _ = call(
         "sweep --precision 64 --plant printed --duration 2 --controller smc ppc "
+        "--no-report "
         "--members 520 --uncertainty 0.1 0.3 --out a --json"
     )
     assert code == 0
@@ -293,6 +299,60 @@ def test_several_levels_and_gains_meet_the_same_members(call, tmp_path):
             (rows["values"][:, names.index("surge_mass")] / mass - 1.0) / level
         )
     np.testing.assert_allclose(*draws, atol=1e-9)
+
+
+def test_the_report_answers_in_tables_and_figures(call, tmp_path, monkeypatch):
+    # The ribbons' own rollouts are tested below.
+    seen = Ribbons(
+        np.arange(4.0),
+        {c: np.zeros((3, 4)) for c in CHANNELS},
+        {c: (-np.ones(4), np.ones(4)) for c in CHANNELS},
+        {c: np.array([0.0, 1.0, np.nan, np.nan]) for c in CHANNELS},
+    )
+    monkeypatch.setattr(tuning.sweep.report, "ribbons", lambda *a: seen)
+    code, out, _ = call(
+        "sweep --precision 64 --plant printed --duration 2 --controller smc ppc "
+        "--members 60 --uncertainty 0.1 0.3 --out a --require p_failure<1 --json"
+    )
+    assert code == 0
+    found = json.loads(out)["levels"][0]["controllers"]["smc"]["probabilities"]
+    k, n = found["p_violation"]["k"], found["p_violation"]["n"]
+    low, high = found["p_violation"]["interval"]
+    for folder, parts in (
+        ("a", ("[uncertainty-0.1]", "![levels]", "## What drives it")),
+        ("a/uncertainty-0.1", ("## ppc against smc", "`p_failure<1` | smc | met")),
+    ):
+        text = (tmp_path / folder / "report.md").read_text()
+        assert f"{k / n:.4g} [{low:.3g}, {high:.3g}]" in text
+        for part in parts:
+            assert part in text
+        for name in re.findall(r"\]\(([^)]*)\)", text):
+            assert (tmp_path / folder / name).stat().st_size > 100
+
+
+def test_ribbons_are_the_errors_of_the_members_and_of_the_worst(campaign):
+    seen = ribbons(campaign, 0, 3, 7)
+    assert {x.shape for x in seen.errors.values()} == {(3, 40)}
+    for number, found in ((2, seen.errors["pitch"][2]), (7, seen.worst["pitch"])):
+        member = jax.tree.map(lambda x: x[0], draw(campaign, number, 1)[1])
+        run = jax.jit(simulate)(*with_member(campaign.loops[0], member))
+        np.testing.assert_allclose(found, run.ticks.error.pitch, rtol=1e-9, atol=1e-15)
+        lower, upper = seen.edges["pitch"]
+        np.testing.assert_allclose(upper, run.ticks.limits.pitch.upper, rtol=1e-12)
+        np.testing.assert_allclose(lower, run.ticks.limits.pitch.lower, rtol=1e-12)
+
+
+def test_rank_correlations_find_what_drives_a_known_result():
+    rng = np.random.default_rng(0)
+    x = rng.random((400, 4))
+    x[:, 3] = 1.0
+    result = np.exp(3.0 * x[:, 1]) - 0.5 * x[:, 0]
+    result[result.argmax()] = np.inf
+    found = rank_correlations(x, result)
+    expected = [stats.spearmanr(x[:, j], result).statistic for j in range(3)]
+    np.testing.assert_allclose(found["rho"], [*expected, 0.0], atol=1e-12)
+    assert found["rho"][1] > 0.95
+    assert found["low"][2] < 0.0 < found["high"][2]
 
 
 def test_rows_that_cannot_be_written_leave_those_before_safe(tmp_path):

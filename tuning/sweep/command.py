@@ -11,8 +11,11 @@ from tuning.progress import Progress, note
 from tuning.runs import check_writable, print_result
 from tuning.sweep.campaign import draw, run_campaign
 from tuning.sweep.columns import Table
+from tuning.sweep.drivers import drivers
 from tuning.sweep.engine import Engine
+from tuning.sweep.levels import write_levels
 from tuning.sweep.netcdf import write_members
+from tuning.sweep.report import write_report
 from tuning.sweep.settings import Campaign, build, read_settings
 from tuning.sweep.store import Manifest, Store, StoreFull, opened, read_manifest
 from tuning.sweep.summary import MEASURES, summarise, text_summary
@@ -31,19 +34,23 @@ def sweep(options: argparse.Namespace) -> int:
     campaigns = {level: build(read_settings(options, level)) for level in levels}
     for rule in options.require:
         rule.check(campaigns[levels[0]].labels, MEASURES)
-    codes, summaries = [], []
+    codes: list[int] = []
+    summaries: dict[str, dict[str, Any]] = {}
     for level, campaign in campaigns.items():
         folder = options.out if len(levels) == 1 else options.out / _name(level)
         code, summary = _run(options, campaign, folder)
         codes.append(code)
         if summary:
-            summaries.append(summary)
+            summaries[folder.name] = summary
         if code in (INTERRUPTED, RUN_FAILED):
             break
     if summaries:
-        result = summaries[0] if len(levels) == 1 else {"levels": summaries}
-        text = "\n\n".join(text_summary(summary) for summary in summaries)
+        found = list(summaries.values())
+        result = found[0] if len(levels) == 1 else {"levels": found}
+        text = "\n\n".join(text_summary(summary) for summary in found)
         print_result(result, text, as_json=options.json)
+    if len(summaries) > 1:
+        write_levels(options.out, summaries, draws=not options.no_report)
     worst = [code for code in (INTERRUPTED, RUN_FAILED, VIOLATED) if code in codes]
     return worst[0] if worst else OK
 
@@ -86,7 +93,14 @@ def _run(
         }
         rows = store.rows()
         summary = conclude(
-            folder, campaign, manifest, rows, about, options.confidence, options.require
+            folder,
+            campaign,
+            manifest,
+            rows,
+            about,
+            options.confidence,
+            options.require,
+            draws=not options.no_report,
         )
     broken = any(e["verdict"] != "met" for e in summary.get("requirements", ()))
     return code or (VIOLATED if broken else OK), summary
@@ -165,6 +179,8 @@ def conclude(
     about: dict[str, Any],
     level: float,
     required: Any = (),
+    *,
+    draws: bool = True,
 ) -> dict[str, Any]:
     """Write everything that follows from the rows, and return the summary.
 
@@ -176,6 +192,7 @@ def conclude(
         about: provenance.
         level: confidence of the intervals.
         required: requirements to judge.
+        draws: the report, too.
     """
     progress = Progress()
     progress.show(f"writing to {folder} ...")
@@ -186,9 +203,16 @@ def conclude(
     summary["requirements"] = [
         entry for rule in required for entry in rule.judged(summary["controllers"])
     ]
+    names = campaign.uncertainty.names()
+    for number, found in enumerate(summary["controllers"].values()):
+        found["rank_correlations"] = drivers(table, names, number)
     summary["provenance"] = about
     write_json(folder / "summary.json", summary)
     write_members(folder / "members.nc", manifest, rows, about)
+    if draws:
+        progress.show(f"drawing into {folder} ...")
+        write_report(folder, campaign, table, summary)
     progress.clear()
-    note(f"{folder}: summary.json and members.nc of {len(rows)} members.")
+    report = ", report.md and figures" if draws else ""
+    note(f"{folder}: {len(rows)} members; summary.json, members.nc{report}.")
     return summary

@@ -41,6 +41,9 @@ def add_sweep(commands: Any) -> None:
         "--precision", type=int, choices=(32, 64), default=32, help="default: 32"
     )
     parser.add_argument(
+        "--no-report", action="store_true", help="no report.md and no figures"
+    )
+    parser.add_argument(
         "--json", action="store_true", help="print the summary as JSON on stdout"
     )
     parser.add_argument(

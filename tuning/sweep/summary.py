@@ -127,7 +127,7 @@ def numbers_of(table: Table, chosen: np.ndarray) -> list[int]:
     return [int(n) for n in table.rows["member"][chosen]]
 
 
-_LINES = {
+LINES = {
     "p_violation": "left a funnel",
     "p_violation_depth": "  depth",
     "p_violation_pitch": "  pitch",
@@ -149,13 +149,15 @@ def text_summary(summary: dict[str, Any]) -> str:
         f"uncertainty {half}, {100 * summary['confidence']:g} % intervals",
         f"{'probability':<22}" + "".join(f"{label:>{wide}}" for label in controllers),
     ]
-    for name, title in _LINES.items():
+    for name, title in LINES.items():
+        if name == "p_unfinished" and summary["scenario"] != "waypoints":
+            continue
         cells = "".join(
             f"{in_interval(found['probabilities'][name]):>{wide}}"
             for found in controllers.values()
         )
         lines.append(f"{title:<22}{cells}")
-    lines.append(f"{'95 % of members below':<22}")
+    lines.append("95 % of members below")
     for channel, unit in CHANNELS.items():
         cells = "".join(
             f"{_quantile(found['measures'][f'{channel}.rms_error']['q95']):>{wide}}"
