@@ -39,3 +39,25 @@ def evaluate_jit():
 @pytest.fixture(scope="session")
 def simulate_jit():
     return jax.jit(simulate)
+
+
+@pytest.fixture
+def sweep(tmp_path, monkeypatch, capsys):
+    """Runs a sweep with toy rollouts; returns exit code, output and complaints."""
+    from toy_campaign import Toy
+
+    import tuning.cli
+    import tuning.sweep.command
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tuning.cli, "start_jax", lambda *a, **k: None)
+    monkeypatch.setattr(tuning.sweep.command, "Engine", Toy)
+
+    def run(text):
+        try:
+            code = tuning.cli.main(text.split())
+        except SystemExit as stop:
+            code = stop.code
+        return code, *capsys.readouterr()
+
+    return run

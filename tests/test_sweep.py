@@ -15,13 +15,12 @@ import netCDF4
 import numpy as np
 import pytest
 from scipy import stats
+from toy_campaign import RUN, Toy
 
-import tuning.cli
 import tuning.sweep.command
 import tuning.sweep.report
 from jaxglider.rollout import evaluate, simulate
 from jaxglider.uncertainty import with_member
-from tuning.cli import main
 from tuning.gain_files import resolve
 from tuning.sweep.campaign import STEP, compute, draw
 from tuning.sweep.columns import CHANNELS, COLUMNS, Table, flatten, make_rows
@@ -82,54 +81,8 @@ def test_a_row_is_what_the_rollout_of_that_member_gives(campaign, engines):
     assert found["finite"] == float(metrics.finite) == 1.0
 
 
-class Toy:
-    """An engine whose runs are known: a share leaves the funnel, some fail."""
-
-    width = STEP
-    log: tuple = ()
-
-    def __init__(self, loops, example):
-        self._gains = len(loops)
-
-    def run(self, members):
-        # By bits that depend on the member alone.
-        bits = np.asarray(members.key)[:, 0].astype(np.int64)
-        found = np.full((len(bits), self._gains, len(COLUMNS)), 0.5)
-        found[:, :, COLUMNS.index("finite")] = 1.0
-        found[:, :, COLUMNS.index("capsized")] = 0.0
-        for name in ("depth", "pitch", "heading"):
-            found[:, :, COLUMNS.index(f"{name}.time_outside_funnel")] = 0.0
-        found[bits % 4 == 0, :, COLUMNS.index("depth.time_outside_funnel")] = 0.1
-        found[bits % 100 == 1] = np.nan
-        for name, flag in (("finite", 0.0), ("capsized", 1.0)):
-            found[bits % 100 == 1, :, COLUMNS.index(name)] = flag
-        found[:, :, COLUMNS.index("pitch.rms_error")] += (bits % 997)[:, None]
-        for gains in range(1, self._gains):
-            found[:, gains, COLUMNS.index("pitch.rms_error")] -= 0.25
-        return found
-
-
-@pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(tuning.cli, "start_jax", lambda *a, **k: None)
-    monkeypatch.setattr(tuning.sweep.command, "Engine", Toy)
-
-    def run(text):
-        try:
-            code = main(text.split())
-        except SystemExit as stop:
-            code = stop.code
-        return code, *capsys.readouterr()
-
-    return run
-
-
-RUN = "sweep --no-report --precision 64 --plant printed --duration 2 --controller smc "
-
-
-def test_a_campaign_says_what_its_rows_hold(call, tmp_path):
-    code, out, err = call(RUN + "--members 1200 --out a --json")
+def test_a_campaign_says_what_its_rows_hold(sweep, tmp_path):
+    code, out, err = sweep(RUN + "--members 1200 --out a --json")
     assert code == 0
     summary = json.loads(out)
     assert summary == json.loads((tmp_path / "a/summary.json").read_text())
@@ -163,12 +116,12 @@ def _drag(file):
 
 
 def test_shards_and_resumed_campaigns_have_the_rows_of_the_whole(
-    call, tmp_path, monkeypatch
+    sweep, tmp_path, monkeypatch
 ):
-    assert call(RUN + "--members 1500 --out whole")[0] == 0
+    assert sweep(RUN + "--members 1500 --out whole")[0] == 0
     whole = (tmp_path / "whole/rows.bin").read_bytes()
     for i in (1, 2, 3):
-        assert call(RUN + f"--members 1500 --out s{i} --shard {i}/3")[0] == 0
+        assert sweep(RUN + f"--members 1500 --out s{i} --shard {i}/3")[0] == 0
     parts = [(tmp_path / f"s{i}/rows.bin").read_bytes() for i in (1, 2, 3)]
     assert b"".join(parts) == whole
 
@@ -179,7 +132,7 @@ def test_shards_and_resumed_campaigns_have_the_rows_of_the_whole(
             return super().run(members)
 
     monkeypatch.setattr(tuning.sweep.command, "Engine", Interrupted)
-    code, _, err = call(RUN + "--members 1500 --out cut")
+    code, _, err = sweep(RUN + "--members 1500 --out cut")
     assert code == 130
     assert "1024 members are safe" in err
     assert json.loads((tmp_path / "cut/summary.json").read_text())["members"] == 1024
@@ -190,16 +143,16 @@ def test_shards_and_resumed_campaigns_have_the_rows_of_the_whole(
     broken[1000 * size + 40] ^= 1
     file.write_bytes(broken)
     monkeypatch.setattr(tuning.sweep.command, "Engine", Toy)
-    code, _, err = call(RUN + "--members 1500 --out cut --resume")
+    code, _, err = sweep(RUN + "--members 1500 --out cut --resume")
     assert code == 0
     assert f"cut off {24 * size + 100} bytes" in err
     assert file.read_bytes() == whole
 
 
-def test_a_finished_campaign_is_not_computed_again(call, tmp_path, monkeypatch):
-    assert call(RUN + "--members 600 --out a")[0] == 0
+def test_a_finished_campaign_is_not_computed_again(sweep, tmp_path, monkeypatch):
+    assert sweep(RUN + "--members 600 --out a")[0] == 0
     monkeypatch.setattr(tuning.sweep.command, "Engine", None)
-    assert call(RUN + "--members 600 --out a --resume")[0] == 0
+    assert sweep(RUN + "--members 600 --out a --resume")[0] == 0
 
 
 @pytest.mark.parametrize(
@@ -225,39 +178,39 @@ def test_a_finished_campaign_is_not_computed_again(call, tmp_path, monkeypatch):
         ("--require roll.speed.q95<1", ("no measure 'roll.speed'", "max_roll")),
     ],
 )
-def test_what_cannot_be_run_is_refused(call, tmp_path, text, parts):
+def test_what_cannot_be_run_is_refused(sweep, tmp_path, text, parts):
     (tmp_path / "u.toml").write_text("[[vehicles]]\nnames = 'all'\n")
-    assert call(RUN + "--members 600 --out a")[0] == 0
+    assert sweep(RUN + "--members 600 --out a")[0] == 0
     before = (tmp_path / "a/rows.bin").read_bytes()
-    code, out, err = call(RUN + text)
+    code, out, err = sweep(RUN + text)
     assert (code, out) == (2, "")
     for part in parts:
         assert part in err.splitlines()[-1]
     assert (tmp_path / "a/rows.bin").read_bytes() == before
 
 
-def test_requirements_are_met_by_whole_intervals(call, tmp_path):
+def test_requirements_are_met_by_whole_intervals(sweep, tmp_path):
     base = RUN + "--members 600 --out a "
-    code, out, _ = call(base + "--require p_violation<0.5 smc:p_failure<0.2")
+    code, out, _ = sweep(base + "--require p_violation<0.5 smc:p_failure<0.2")
     assert code == 0
     assert out.count(": met by smc") == 2
     # The estimate is about 0.25: the interval reaches beyond 0.26.
     estimate = json.loads((tmp_path / "a/summary.json").read_text())
     found = estimate["controllers"]["smc"]["probabilities"]["p_violation"]
     between = (found["p"] + found["interval"][1]) / 2
-    code, out, _ = call(base + f"--resume --require p_violation<{between}")
+    code, out, _ = sweep(base + f"--resume --require p_violation<{between}")
     assert code == 3
     assert "not shown by smc" in out
-    code, out, _ = call(base + "--resume --require p_violation<0.1")
+    code, out, _ = sweep(base + "--resume --require p_violation<0.1")
     assert code == 3
     assert "violated by smc" in out
-    code, _, _ = call(base + "--resume --require p_violation>0.1")
+    code, _, _ = sweep(base + "--resume --require p_violation>0.1")
     assert code == 0
 
 
-def test_a_campaign_stops_when_it_knows_enough(call, tmp_path):
+def test_a_campaign_stops_when_it_knows_enough(sweep, tmp_path):
     base = RUN + "--members 100000 --until-ci 0.06 --out a"
-    code, out, _ = call(base + " --json")
+    code, out, _ = sweep(base + " --json")
     summary = json.loads(out)
     low, high = summary["controllers"]["smc"]["probabilities"]["p_violation"][
         "interval"
@@ -267,12 +220,12 @@ def test_a_campaign_stops_when_it_knows_enough(call, tmp_path):
     # 4 · 1.96² · p(1 − p)/0.06² for p near 1/4.
     assert summary["members"] in (STEP, 2 * STEP)
     rows = (tmp_path / "a/rows.bin").read_bytes()
-    assert call(base + " --resume")[0] == 0
+    assert sweep(base + " --resume")[0] == 0
     assert (tmp_path / "a/rows.bin").read_bytes() == rows
 
 
-def test_several_levels_and_gains_meet_the_same_members(call, tmp_path):
-    code, out, _ = call(
+def test_several_levels_and_gains_meet_the_same_members(sweep, tmp_path):
+    code, out, _ = sweep(
         "sweep --precision 64 --plant printed --duration 2 --controller smc ppc "
         "--no-report "
         "--members 520 --uncertainty 0.1 0.3 --out a --json"
@@ -301,7 +254,7 @@ def test_several_levels_and_gains_meet_the_same_members(call, tmp_path):
     np.testing.assert_allclose(*draws, atol=1e-9)
 
 
-def test_the_report_answers_in_tables_and_figures(call, tmp_path, monkeypatch):
+def test_the_report_answers_in_tables_and_figures(sweep, tmp_path, monkeypatch):
     # The ribbons' own rollouts are tested below.
     seen = Ribbons(
         np.arange(4.0),
@@ -310,7 +263,7 @@ def test_the_report_answers_in_tables_and_figures(call, tmp_path, monkeypatch):
         {c: np.array([0.0, 1.0, np.nan, np.nan]) for c in CHANNELS},
     )
     monkeypatch.setattr(tuning.sweep.report, "ribbons", lambda *a: seen)
-    code, out, _ = call(
+    code, out, _ = sweep(
         "sweep --precision 64 --plant printed --duration 2 --controller smc ppc "
         "--members 60 --uncertainty 0.1 0.3 --out a --require p_failure<1 --json"
     )
@@ -375,17 +328,17 @@ def test_rows_that_cannot_be_written_leave_those_before_safe(tmp_path):
     store.close()
 
 
-def test_a_full_disk_ends_a_campaign_with_code_1(call, tmp_path):
+def test_a_full_disk_ends_a_campaign_with_code_1(sweep, tmp_path):
     old = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, old[1]))
-        code, _, err = call(RUN + "--members 1500 --out a")
+        code, _, err = sweep(RUN + "--members 1500 --out a")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, old)
     assert code == 1
     assert "512 members are safe. Make room and go on with --resume" in err
-    assert call(RUN + "--members 1500 --out a --resume")[0] == 0
-    assert call(RUN + "--members 1500 --out b")[0] == 0
+    assert sweep(RUN + "--members 1500 --out a --resume")[0] == 0
+    assert sweep(RUN + "--members 1500 --out b")[0] == 0
     rows = [(tmp_path / f"{name}/rows.bin").read_bytes() for name in "ab"]
     assert rows[0] == rows[1]
 

@@ -1,4 +1,4 @@
-"""The command line: `jaxglider compare | simulate | tune | init | validate`.
+"""The command line: `jaxglider compare`, `tune`, `sweep` and so on.
 
 Heavy imports wait until a command needs them, so `--help` answers at once. Exit
 codes: 0 all well, 1 a run failed, 2 usage or configuration, 3 a stated requirement is
@@ -6,6 +6,7 @@ violated, 130 interrupted.
 """
 
 import argparse
+import json
 import os
 import sys
 from pathlib import Path
@@ -133,6 +134,29 @@ def _sweep(options: argparse.Namespace) -> int:
     return sweep(options)
 
 
+def _merge(options: argparse.Namespace) -> int:
+    start_jax(_precision_of(options.folders[0]))
+    from tuning.sweep.merge import merge
+
+    return merge(options)
+
+
+def _rerun(options: argparse.Namespace) -> int:
+    start_jax(_precision_of(options.folder))
+    from tuning.sweep.rerun import rerun
+
+    return rerun(options)
+
+
+def _precision_of(folder: Path) -> int:
+    """The precision of a campaign; what cannot be read is complained of later."""
+    try:
+        told = json.loads((folder / "campaign.json").read_text())
+        return int(told["settings"]["precision"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 64
+
+
 def _init(options: argparse.Namespace) -> int:
     start_jax(64)
     from jaxglider import _uncertainty, config
@@ -174,6 +198,8 @@ _COMMANDS = {
     "tune": _tune,
     "check-gradients": _check,
     "sweep": _sweep,
+    "merge": _merge,
+    "rerun": _rerun,
     "init": _init,
     "validate": _validate,
 }

@@ -12,7 +12,7 @@ from tuning.arguments import (
     add_dt,
     seed,
 )
-from tuning.sweep.options import add_sweep
+from tuning.sweep.options import add_merge, add_rerun, add_sweep
 from tuning.tune_options import add_check, add_tune
 
 
@@ -31,6 +31,8 @@ def parser() -> argparse.ArgumentParser:
     add_tune(commands)
     add_check(commands)
     add_sweep(commands)
+    add_merge(commands)
+    add_rerun(commands)
     _add_simulate(commands)
     _add_init(commands)
     _add_validate(commands)

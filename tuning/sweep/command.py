@@ -92,18 +92,14 @@ def _run(
             "shard": f"{number}/{parts}",
         }
         rows = store.rows()
-        summary = conclude(
-            folder,
-            campaign,
-            manifest,
-            rows,
-            about,
-            options.confidence,
-            options.require,
-            draws=not options.no_report,
-        )
-    broken = any(e["verdict"] != "met" for e in summary.get("requirements", ()))
-    return code or (VIOLATED if broken else OK), summary
+        summary = conclude(options, folder, campaign, manifest, rows, about)
+    return code or verdict(summary), summary
+
+
+def verdict(summary: dict[str, Any]) -> int:
+    """The exit code that follows from the requirements."""
+    broken = any(entry["verdict"] != "met" for entry in summary["requirements"])
+    return VIOLATED if broken else OK
 
 
 def _prepare(
@@ -172,36 +168,33 @@ def _fill(campaign: Campaign, store: Store, first: int, last: int) -> None:
 
 
 def conclude(
+    options: argparse.Namespace,
     folder: Path,
     campaign: Campaign,
     manifest: Manifest,
     rows: Any,
     about: dict[str, Any],
-    level: float,
-    required: Any = (),
-    *,
-    draws: bool = True,
 ) -> dict[str, Any]:
     """Write everything that follows from the rows, and return the summary.
 
     Args:
+        options: confidence, requirements, and whether there is to be a report.
         folder: of the campaign.
         campaign: the rows belong to.
         manifest: likewise.
         rows: of the campaign or of a part of it.
         about: provenance.
-        level: confidence of the intervals.
-        required: requirements to judge.
-        draws: the report, too.
     """
     progress = Progress()
     progress.show(f"writing to {folder} ...")
     table = Table(rows, campaign.labels)
     summary = summarise(
-        campaign.settings, table, campaign.kinds, campaign.waypoints, level
+        campaign.settings, table, campaign.kinds, campaign.waypoints, options.confidence
     )
     summary["requirements"] = [
-        entry for rule in required for entry in rule.judged(summary["controllers"])
+        entry
+        for rule in options.require
+        for entry in rule.judged(summary["controllers"])
     ]
     names = campaign.uncertainty.names()
     for number, found in enumerate(summary["controllers"].values()):
@@ -209,10 +202,10 @@ def conclude(
     summary["provenance"] = about
     write_json(folder / "summary.json", summary)
     write_members(folder / "members.nc", manifest, rows, about)
-    if draws:
+    if not options.no_report:
         progress.show(f"drawing into {folder} ...")
         write_report(folder, campaign, table, summary)
     progress.clear()
-    report = ", report.md and figures" if draws else ""
+    report = ", report.md and figures" if not options.no_report else ""
     note(f"{folder}: {len(rows)} members; summary.json, members.nc{report}.")
     return summary

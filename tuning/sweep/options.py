@@ -27,24 +27,9 @@ def add_sweep(commands: Any) -> None:
     parser = commands.add_parser("sweep", help=text, description=text + ".")
     _add_case(parser)
     _add_members(parser)
-    parser.add_argument(
-        "--require",
-        nargs="+",
-        type=requirement,
-        default=[],
-        metavar="RULE",
-        help="as 'p_violation<0.01' or 'heading.rms_error.q95<0.3', of all gains or, "
-        "after a label and a colon, of one; exit code 3 unless the whole interval "
-        "keeps each",
-    )
+    _add_verdict(parser)
     parser.add_argument(
         "--precision", type=int, choices=(32, 64), default=32, help="default: 32"
-    )
-    parser.add_argument(
-        "--no-report", action="store_true", help="no report.md and no figures"
-    )
-    parser.add_argument(
-        "--json", action="store_true", help="print the summary as JSON on stdout"
     )
     parser.add_argument(
         "--out",
@@ -58,6 +43,32 @@ def add_sweep(commands: Any) -> None:
     )
     parser.add_argument(
         "--overwrite", action="store_true", help="discard the campaign in --out"
+    )
+
+
+def _add_verdict(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--confidence",
+        type=share,
+        default=0.95,
+        metavar="C",
+        help="of all intervals; default: 0.95",
+    )
+    parser.add_argument(
+        "--require",
+        nargs="+",
+        type=requirement,
+        default=[],
+        metavar="RULE",
+        help="as 'p_violation<0.01' or 'heading.rms_error.q95<0.3', of all gains or, "
+        "after a label and a colon, of one; exit code 3 unless the whole interval "
+        "keeps each",
+    )
+    parser.add_argument(
+        "--no-report", action="store_true", help="no report.md and no figures"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print the summary as JSON on stdout"
     )
 
 
@@ -118,13 +129,6 @@ def _add_members(parser: argparse.ArgumentParser) -> None:
         "wide for the others; default: monte-carlo",
     )
     parser.add_argument(
-        "--confidence",
-        type=share,
-        default=0.95,
-        metavar="C",
-        help="of all intervals; default: 0.95",
-    )
-    parser.add_argument(
         "--until-ci",
         type=share,
         metavar="W",
@@ -175,9 +179,7 @@ def add_merge(commands: Any) -> None:
     parser.add_argument(
         "--overwrite", action="store_true", help="discard what is there"
     )
-    parser.add_argument(
-        "--json", action="store_true", help="print the summary as JSON on stdout"
-    )
+    _add_verdict(parser)
 
 
 def add_rerun(commands: Any) -> None:
