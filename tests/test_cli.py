@@ -160,7 +160,7 @@ def test_wrong_usage_is_refused_with_argument_rule_and_value(call, arguments, pa
         ("simulate --config .", (".", "cannot be read")),
         ("validate gone.toml", ("gone.toml", "no such file")),
         ("compare --gains gone.toml", ("gone.toml", "no such file")),
-        ("compare --gains mission.toml", ("mission.toml: controller is missing",)),
+        ("compare --gains mission.toml", ("mission.toml: controller.type is missing",)),
         ("compare --dt 900", ("Clock.dt", "in (0, 800]", "900.0")),
         ("simulate --config mission.toml --out mission.toml", ("--out mission.toml",)),
         ("simulate --config mission.toml --out mission.toml/x", ("--out", "/x")),

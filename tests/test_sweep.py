@@ -40,7 +40,7 @@ SETTINGS = Settings(
     members=4 * STEP,
     design="monte-carlo",
     uncertainty=0.2,
-    gains=resolve(["paper"], ["smc"]),
+    gains=resolve(["paper"], ["smc"], "switching", "printed"),
 )
 
 

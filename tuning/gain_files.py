@@ -10,9 +10,10 @@ from jaxglider._toml import ConfigError, read_toml
 from jaxglider.config import decode_gains
 from jaxglider.controllers import AbstractController
 from jaxglider.observer import AbstractObserver
+from jaxglider.tuned import tuned_gains
 
-PAPER = "paper"
-"""The word for the paper's own gains."""
+PAPER, TUNED = "paper", "tuned"
+"""The words for the paper's own gains, and for those that come with jaxglider."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,24 +48,40 @@ class Gains:
             raise ConfigError(f"{self.origin}: {error}") from error
 
 
-def resolve(words: Sequence[str], controllers: Sequence[str]) -> tuple[Gains, ...]:
+def resolve(
+    words: Sequence[str], controllers: Sequence[str], scenario: str, plant: str
+) -> tuple[Gains, ...]:
     """The sets of gains that words and file names stand for, in their order.
 
     Args:
-        words: `paper`, or the path of a gains file; what is named twice counts once.
-        controllers: kinds that `paper` stands for.
+        words: `paper`, `tuned`, or the path of a gains file; what is named twice counts
+            once.
+        controllers: kinds that the words stand for.
+        scenario: `switching` or `waypoints`; which gains `tuned` stands for.
+        plant: name of the plant; likewise.
 
     Raises:
-        ConfigError: a file cannot be read or holds no gains.
+        ValueError: a file cannot be read or holds no gains, or none come with
+            jaxglider for this case.
     """
     found = []
     names = list(dict.fromkeys(words))
-    stems = [Path(name).stem for name in names if name != PAPER]
+    stems = [Path(name).stem for name in names]
     for name in names:
         if name == PAPER:
             found += [_paper(kind) for kind in dict.fromkeys(controllers)]
             continue
         path = Path(name)
+        if name == TUNED and not path.exists():
+            found += [
+                Gains(
+                    f"{kind} ({TUNED})",
+                    TUNED,
+                    tuned_gains(scenario, plant, kind).read_text(),
+                )
+                for kind in dict.fromkeys(controllers)
+            ]
+            continue
         kind = _kind(path, read_toml(path))
         # `tune` gives all its files one name: tell them apart by their folder.
         short = path.stem if stems.count(path.stem) == 1 else name

@@ -13,7 +13,7 @@ import jax
 
 from jaxglider import paper
 from jaxglider._toml import read_toml
-from jaxglider.config import load_gains, load_mission, start_warnings
+from jaxglider.config import load_mission, start_warnings
 from jaxglider.io import (
     metrics_dict,
     provenance,
@@ -25,8 +25,8 @@ from jaxglider.io import (
 from jaxglider.plotting import save_all
 from jaxglider.rollout import ClosedLoop, simulate
 from jaxglider.trajectory import Trajectory
-from jaxglider.tuned import resolve
 from jaxglider.vehicle.plant import SmallAnglePlant
+from tuning.gain_files import resolve
 from tuning.progress import Progress, note
 from tuning.tables import markdown_tables, text_table
 
@@ -71,7 +71,7 @@ def compare(options: argparse.Namespace) -> int:
     scenarios = paper.SCENARIOS if options.scenario == "all" else (options.scenario,)
     entries = [e for s in scenarios for e in _paper_entries(options, s)]
     for path in dict.fromkeys(options.gains):
-        if resolve(path, scenarios[0], options.plant, options.controllers[0]) == path:
+        if path.exists():
             _note_origin(path, scenarios, options.plant)
     check_writable(options.out)
     done, interrupted = run_all(entries, seed=0)
@@ -98,30 +98,15 @@ def _paper_entries(options: argparse.Namespace, scenario: str) -> Iterator[Entry
             paper.make_observer(name, model),
         )
         yield Entry(scenario, options.plant, name, loop)
-    for name, path in _gains_files(options, scenario):
-        kind, controller, observer = load_gains(path, scenario, model)
+    words = [str(path) for path in options.gains]
+    for gains in resolve(words, options.controllers, scenario, options.plant):
+        _, controller, observer = gains.load(scenario, model)
         yield Entry(
             scenario,
             options.plant,
-            f"{kind} ({name})",
+            gains.label,
             ClosedLoop(setting, controller, observer),
         )
-
-
-def _gains_files(
-    options: argparse.Namespace, scenario: str
-) -> Iterator[tuple[str, Path]]:
-    """Name and path of each gains file; the word `tuned` has one for each law."""
-    given = list(dict.fromkeys(options.gains))
-    stems = [path.stem for path in given]
-    for path in given:
-        for law in dict.fromkeys(options.controllers):
-            file = resolve(path, scenario, options.plant, law)
-            # `tune` gives all its files one name: tell them apart by their folder.
-            known = stems.count(path.stem) == 1
-            yield (path.stem if known else str(path)), file
-            if file == path:
-                break
 
 
 def simulate_mission(options: argparse.Namespace) -> int:

@@ -10,16 +10,16 @@ import jax
 
 from jaxglider import paper
 from jaxglider._toml import ConfigError, Table, read_toml
-from jaxglider.config import load_gains, load_uncertainty
+from jaxglider.config import load_uncertainty
 from jaxglider.ensemble import map_members
 from jaxglider.metrics import Metrics
 from jaxglider.quantities import uniform_uncertainty
 from jaxglider.rollout import ClosedLoop, evaluate
 from jaxglider.scenario import Scenario
-from jaxglider.tuned import resolve
 from jaxglider.uncertainty import Uncertainty
 from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.plant import SmallAnglePlant
+from tuning.gain_files import resolve
 from tuning.members import (
     TEST,
     TRAINING,
@@ -238,8 +238,8 @@ def _starting_loop(
     model = paper.design_model(setting.plant)
     if options.gains is not None:
         law = options.controller or "fxtppc"
-        file = resolve(options.gains, options.scenario, options.plant, law)
-        kind, controller, observer = load_gains(file, options.scenario, model)
+        (given,) = resolve([str(options.gains)], [law], options.scenario, options.plant)
+        kind, controller, observer = given.load(options.scenario, model)
         if options.controller not in (None, kind):
             raise ValueError(
                 f"--controller is {options.controller}, "

@@ -6,9 +6,6 @@ One file for each case, plant and controller. Its provenance says which command 
 
 from pathlib import Path
 
-WORD = "tuned"
-"""Stands for these files where the command line takes a gains file."""
-
 
 def tuned_gains(scenario: str, plant: str, controller: str) -> Path:
     """The file of gains tuned for a case.
@@ -29,14 +26,3 @@ def tuned_gains(scenario: str, plant: str, controller: str) -> Path:
             f"there are {', '.join(known)}."
         )
     return file
-
-
-def resolve(path: Path, scenario: str, plant: str, controller: str) -> Path:
-    """The file meant: of the package for the word `tuned`, else the path as given.
-
-    Raises:
-        ValueError: the package has none for this case.
-    """
-    if path == Path(WORD) and not path.exists():
-        return tuned_gains(scenario, plant, controller)
-    return path

@@ -78,8 +78,8 @@ def _add_case(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=["paper"],
         metavar="FILE",
-        help="gains files, as `tune` writes them, or the word paper; all meet the "
-        "same members, and are compared with the first; default: paper",
+        help="gains files, as `tune` writes them, or the words paper and tuned; all "
+        "meet the same members, and are compared with the first; default: paper",
     )
     parser.add_argument(
         "--controller",
@@ -87,7 +87,8 @@ def _add_case(parser: argparse.ArgumentParser) -> None:
         choices=CONTROLLERS,
         default=["fxtppc"],
         metavar="NAME",
-        help=f"what paper stands for, any of {', '.join(CONTROLLERS)}; default: fxtppc",
+        help=f"what the words stand for, any of {', '.join(CONTROLLERS)}; default: "
+        "fxtppc",
     )
     parser.add_argument(
         "--scenario", choices=SCENARIOS, default="switching", help="default: switching"

@@ -123,7 +123,9 @@ def read_settings(options: argparse.Namespace, half_width: Any) -> Settings:
         members=options.members,
         design=options.design,
         uncertainty=_text(half_width),
-        gains=resolve(options.gains, options.controller),
+        gains=resolve(
+            options.gains, options.controller, options.scenario, options.plant
+        ),
         until_ci=options.until_ci,
     )
 
