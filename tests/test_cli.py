@@ -254,6 +254,18 @@ def test_init_writes_the_template_and_never_overwrites_unasked(call, tmp_path):
     assert file.read_text() == TEMPLATE()
 
 
+def test_the_cache_of_programs_is_shown_and_cleared(call, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    folder = tmp_path / "home" / "jaxglider"
+    (folder / "processor" / "programs").mkdir(parents=True)
+    (folder / "processor" / "programs" / "one").write_bytes(bytes(3 * 2**20))
+    (tmp_path / "home" / "other").write_text("not ours")
+    assert call("cache") == (0, f"{folder}: holds 1 files, 3.0 MiB.\n", "")
+    assert call("cache", "--clear") == (0, f"{folder}: cleared 1 files, 3.0 MiB.\n", "")
+    assert os.listdir(tmp_path / "home") == ["other"]
+    assert call("cache") == (0, f"{folder}: holds 0 files, 0.0 MiB.\n", "")
+
+
 def test_init_writes_what_is_uncertain_too(call, tmp_path):
     code, out, err = call("init", "--uncertainty")
     assert (code, err) == (0, "")

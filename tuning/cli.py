@@ -192,6 +192,12 @@ def _validate(options: argparse.Namespace) -> int:
     return OK
 
 
+def _cache(options: argparse.Namespace) -> int:
+    from tuning.cache import cache
+
+    return cache(options)
+
+
 _COMMANDS = {
     "compare": _compare,
     "simulate": _simulate,
@@ -202,6 +208,7 @@ _COMMANDS = {
     "rerun": _rerun,
     "init": _init,
     "validate": _validate,
+    "cache": _cache,
 }
 
 if __name__ == "__main__":

@@ -36,6 +36,7 @@ def parser() -> argparse.ArgumentParser:
     _add_simulate(commands)
     _add_init(commands)
     _add_validate(commands)
+    _add_cache(commands)
     for command in commands.choices.values():
         command.add_argument(
             "--debug",
@@ -121,3 +122,9 @@ def _add_validate(commands: Any) -> None:
     text = "check a mission file without running it"
     parser = commands.add_parser("validate", help=text, description=text + ".")
     parser.add_argument("path", type=Path, metavar="FILE")
+
+
+def _add_cache(commands: Any) -> None:
+    text = "show where compiled programs are kept, or clear them"
+    parser = commands.add_parser("cache", help=text, description=text + ".")
+    parser.add_argument("--clear", action="store_true", help="remove all of them")
