@@ -15,7 +15,7 @@ from jaxglider.rollout import ClosedLoop
 from jaxglider.uncertainty import Member, Uncertainty
 from jaxglider.uncertainty import with_member as with_member
 
-TRAINING, VALIDATION, TEST, SWEEP = range(4)
+TRAINING, VALIDATION, TEST, SWEEP, SENSITIVITY = range(5)
 
 
 def nominal_member(loop: ClosedLoop) -> Member:

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.uncertainty import Member
-from tuning.members import SWEEP, keys_of
+from tuning.members import keys_of
 from tuning.sweep.columns import Table, make_rows
 from tuning.sweep.engine import Engine
+from tuning.sweep.saltelli import Saltelli
 from tuning.sweep.settings import Campaign
 from tuning.sweep.statistics import clopper_pearson
 from tuning.sweep.store import Store
@@ -26,8 +26,11 @@ def draw(campaign: Campaign, first: int, count: int) -> tuple[np.ndarray, Member
         count: how many.
     """
     values = campaign.uncertainty.values(campaign.design.rows(first, count))
-    numbers = jnp.arange(first, first + count)
-    keys = keys_of(campaign.settings.seed, SWEEP, numbers)
+    if isinstance(campaign.design, Saltelli):
+        numbers = campaign.design.chances(first, count)
+    else:
+        numbers = np.arange(first, first + count)
+    keys = keys_of(campaign.settings.seed, campaign.stream, numbers)
     return values, campaign.uncertainty.members(values, keys)
 
 

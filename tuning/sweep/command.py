@@ -13,11 +13,13 @@ from tuning.sweep.campaign import draw, run_campaign
 from tuning.sweep.columns import Table
 from tuning.sweep.drivers import drivers
 from tuning.sweep.engine import Engine
+from tuning.sweep.folder import prepare
 from tuning.sweep.levels import write_levels
 from tuning.sweep.netcdf import write_members
 from tuning.sweep.report import write_report
+from tuning.sweep.sensitivity import run_blocks, sensitivities
 from tuning.sweep.settings import Campaign, build, read_settings
-from tuning.sweep.store import Manifest, Store, StoreFull, opened, read_manifest
+from tuning.sweep.store import Manifest, Store, StoreFull, opened
 from tuning.sweep.summary import MEASURES, summarise, text_summary
 
 OK, RUN_FAILED, VIOLATED, INTERRUPTED = 0, 1, 3, 130
@@ -32,6 +34,10 @@ def sweep(options: argparse.Namespace) -> int:
             "found. Give --members instead."
         )
     campaigns = {level: build(read_settings(options, level)) for level in levels}
+    if options.sensitivity and options.shard != (1, 1):
+        raise ValueError(
+            "--sensitivity does not go with --shard; ask for it where all members are."
+        )
     for rule in options.require:
         rule.check(campaigns[levels[0]].labels, MEASURES)
     codes: list[int] = []
@@ -69,15 +75,20 @@ def _run(
     total = campaign.settings.members
     first, last = total * (number - 1) // parts, total * number // parts
     manifest = Manifest.of(campaign, first, last, about)
-    _prepare(folder, manifest, resume=options.resume, overwrite=options.overwrite)
-    code, begun = OK, time.monotonic()
+    prepare(folder, manifest, resume=options.resume, overwrite=options.overwrite)
+    code, begun, work = OK, time.monotonic(), _Work(campaign)
+    runs: Table | None = None
     with opened(folder, manifest.row_type(), first) as store:
         if store.cut:
             note(
                 f"{store.path}: cut off {store.cut} bytes of a row that was not whole."
             )
         try:
-            _fill(campaign, store, first, last)
+            work.fill(store, first, last)
+            if options.sensitivity:
+                runs = work.blocks(
+                    folder / "sobol.bin", manifest.row_type(), options.sensitivity
+                )
         except KeyboardInterrupt:
             note(f"interrupted; {store.count} members are safe (go on with --resume).")
             code = INTERRUPTED
@@ -92,7 +103,7 @@ def _run(
             "shard": f"{number}/{parts}",
         }
         rows = store.rows()
-        summary = conclude(options, folder, campaign, manifest, rows, about)
+        summary = conclude(options, folder, campaign, manifest, rows, about, runs)
     return code or verdict(summary), summary
 
 
@@ -102,69 +113,57 @@ def verdict(summary: dict[str, Any]) -> int:
     return VIOLATED if broken else OK
 
 
-def _prepare(
-    folder: Path, manifest: Manifest, *, resume: bool, overwrite: bool
-) -> None:
-    """See that the folder holds this campaign or none.
+class _Work:
+    """The engine of a campaign, made when first needed, and how far the work is."""
 
-    Raises:
-        ValueError: it holds another one, or this one and it is not to be gone on with.
-    """
-    if (folder / "campaign.json").exists() and not overwrite:
-        if not resume:
-            raise ValueError(
-                f"--out {folder} holds a campaign; go on with it by --resume, discard "
-                "it by --overwrite, or give another folder."
+    def __init__(self, campaign: Campaign) -> None:
+        self._campaign = campaign
+        self._engine: Engine | None = None
+        self._progress = Progress()
+        self._begun = time.monotonic()
+
+    def engine(self) -> Engine:
+        """The engine."""
+        if self._engine is None:
+            self._progress.show("compiling ...")
+            example = draw(self._campaign, 0, 1)[1]
+            self._engine = Engine(self._campaign.loops, example)
+            self._progress.show("running ...")
+        self._begun = time.monotonic()
+        return self._engine
+
+    def fill(self, store: Store, first: int, last: int) -> None:
+        """Run what is missing of the members."""
+        before, total = store.count, last - first
+        try:
+            run_campaign(
+                self._campaign,
+                self.engine,
+                store,
+                first,
+                last,
+                lambda count: self._show("members", count, total, before),
             )
-        kept = read_manifest(folder)
-        same_part = (kept.first, kept.last) == (manifest.first, manifest.last)
-        if kept.settings != manifest.settings or not same_part:
-            raise ValueError(
-                f"--resume: {folder} holds a campaign with other options "
-                f"({', '.join(_differences(kept, manifest))}); repeat those, or give "
-                "another folder."
-            )
-        for key in ("versions", "hardware"):
-            if kept.about[key] != manifest.about[key]:
-                note(
-                    f"{folder} was begun with other {key}: new rows may differ from "
-                    "the old ones in their last bits."
-                )
-        return
-    (folder / "rows.bin").unlink(missing_ok=True)
-    manifest.write(folder)
+        finally:
+            self._progress.clear()
 
+    def blocks(self, path: Path, kind: Any, blocks: int) -> Table:
+        """Run what is missing of the blocks for Sobol indices."""
+        before: list[int] = []
 
-def _differences(kept: Manifest, wanted: Manifest) -> list[str]:
-    names = [
-        name
-        for name, value in vars(kept.settings).items()
-        if value != getattr(wanted.settings, name)
-    ]
-    parts = (kept.first, kept.last) != (wanted.first, wanted.last)
-    return [*names, "shard"] if parts and "members" not in names else names
+        def show(count: int, total: int) -> None:
+            before.append(count)
+            self._show("runs for Sobol indices", count, total, before[0] - 1)
 
+        try:
+            return run_blocks(self._campaign, blocks, self.engine, path, kind, show)
+        finally:
+            self._progress.clear()
 
-def _fill(campaign: Campaign, store: Store, first: int, last: int) -> None:
-    progress, total, done_before = Progress(), last - first, store.count
-    begun = [time.monotonic()]
-
-    def engine() -> Engine:
-        progress.show("compiling ...")
-        made = Engine(campaign.loops, draw(campaign, first, 1)[1])
-        begun[0] = time.monotonic()
-        progress.show(f"{store.count}/{total} members")
-        return made
-
-    def show(count: int) -> None:
-        rate = (time.monotonic() - begun[0]) / (count - done_before)
+    def _show(self, what: str, count: int, total: int, before: int) -> None:
+        rate = (time.monotonic() - self._begun) / max(count - before, 1)
         left = rate * (total - count)
-        progress.show(f"{count}/{total} members, at most {left:.0f} s left")
-
-    try:
-        run_campaign(campaign, engine, store, first, last, show)
-    finally:
-        progress.clear()
+        self._progress.show(f"{count}/{total} {what}, at most {left:.0f} s left")
 
 
 def conclude(
@@ -174,6 +173,7 @@ def conclude(
     manifest: Manifest,
     rows: Any,
     about: dict[str, Any],
+    runs: Table | None = None,
 ) -> dict[str, Any]:
     """Write everything that follows from the rows, and return the summary.
 
@@ -184,6 +184,7 @@ def conclude(
         manifest: likewise.
         rows: of the campaign or of a part of it.
         about: provenance.
+        runs: for Sobol indices, or None for no sensitivities.
     """
     progress = Progress()
     progress.show(f"writing to {folder} ...")
@@ -199,6 +200,9 @@ def conclude(
     names = campaign.uncertainty.names()
     for number, found in enumerate(summary["controllers"].values()):
         found["rank_correlations"] = drivers(table, names, number)
+    if runs is not None:
+        progress.show("differentiating ...")
+        sensitivities(campaign, options.sensitivity, table, runs, summary)
     summary["provenance"] = about
     write_json(folder / "summary.json", summary)
     write_members(folder / "members.nc", manifest, rows, about)

@@ -10,13 +10,24 @@ from tuning.sweep.summary import severity
 
 SEVERITY = "severity"
 """Name of the largest error over the edge of its funnel, over all channels."""
-OUTPUTS = (SEVERITY, *(f"{channel}.rms_error" for channel in CHANNELS), "max_roll")
+LEFT = "left_funnel"
+"""Name of whether a funnel was left, 1 or 0; failures did."""
+OUTPUTS = (
+    LEFT,
+    SEVERITY,
+    *(f"{channel}.rms_error" for channel in CHANNELS),
+    "max_roll",
+)
 """What drivers are looked for of."""
 
 
 def output(table: Table, number: int, name: str) -> np.ndarray:
     """One of `OUTPUTS` of each member; infinite for runs that failed."""
-    return severity(table, number) if name == SEVERITY else table.column(number, name)
+    if name == LEFT:
+        return table.left_funnel(number).astype(float)
+    if name == SEVERITY:
+        return severity(table, number)
+    return table.column(number, name)
 
 
 def rank_correlations(values: np.ndarray, result: np.ndarray) -> dict[str, Any]:

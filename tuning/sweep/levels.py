@@ -8,7 +8,7 @@ from jaxglider.plotting._style import COLUMN, look, new_figure
 from jaxglider.plotting.files import save
 from tuning.sweep import figures
 from tuning.sweep.drivers import SEVERITY
-from tuning.sweep.report import markdown_table
+from tuning.sweep.markdown import markdown_table
 from tuning.sweep.summary import in_interval
 
 _EVENTS = {

@@ -123,6 +123,15 @@ def _add_members(parser: argparse.ArgumentParser) -> None:
         "same draws; default: 0.2",
     )
     parser.add_argument(
+        "--sensitivity",
+        type=count,
+        default=0,
+        metavar="N",
+        help="say what is to blame, too: Sobol indices from N blocks (best a power of "
+        "two, 128 or more) of as many runs as there are uncertain numbers and two, and "
+        "gradients; default: rank correlations alone",
+    )
+    parser.add_argument(
         "--design",
         choices=DESIGNS,
         default="monte-carlo",

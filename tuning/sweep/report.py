@@ -1,6 +1,5 @@
 """The report of a campaign: how likely is trouble, what drives it, in tables."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +16,10 @@ from jaxglider.plotting._style import (
 )
 from jaxglider.plotting.files import save
 from tuning.sweep import figures
+from tuning.sweep.blame import blamed, sobol_figure
 from tuning.sweep.columns import CHANNELS, Table, unit
 from tuning.sweep.drivers import SEVERITY
+from tuning.sweep.markdown import markdown_table
 from tuning.sweep.ribbons import ribbons
 from tuning.sweep.settings import Campaign
 from tuning.sweep.summary import LINES, brackets, in_interval, severity, short
@@ -41,6 +42,7 @@ def write_report(
     parts = [_head(summary), *_likely(summary), *_required(summary)]
     parts += [_picture("convergence"), *_measures(summary), _picture("distributions")]
     parts += [*_compared(summary), *_failed(summary), *_driven(summary)]
+    parts += blamed(summary)
     parts += [_picture(name) for name in names]
     write_text(folder / "report.md", "\n".join(parts) + "\n")
 
@@ -69,15 +71,6 @@ def _head(summary: dict[str, Any]) -> str:
         "(Clopper and Pearson) of probabilities, order statistics of quantiles."
         f"{exact}\n"
     )
-
-
-def markdown_table(
-    head: Sequence[str], rows: Sequence[Sequence[str]], left: int
-) -> list[str]:
-    """A Markdown table, its first columns to the left."""
-    rule = ["---"] * left + ["---:"] * (len(head) - left)
-    lines = ["| " + " | ".join(row) + " |" for row in (head, rule, *rows)]
-    return [*lines, ""]
 
 
 def _likely(summary: dict[str, Any]) -> list[str]:
@@ -221,6 +214,10 @@ def _figures(
         save(figure, folder / "scatter.png")
         _correlation_bars(folder, summary)
         names = ["scatter", "rank_correlations"]
+        for number, found in enumerate(summary["controllers"].values()):
+            if "sensitivity" in found:
+                names.append(f"sobol_{number}")
+                save(sobol_figure(found), folder / f"sobol_{number}.png")
         for number, (label, style) in enumerate(styled.items()):
             seen = ribbons(
                 campaign,

@@ -83,6 +83,7 @@ class Campaign:
         design: where the members lie.
         loops: one for each set of gains, all in the nominal scenario.
         kinds: of their controllers.
+        stream: of the members' keys; those of another stream are others.
     """
 
     settings: Settings
@@ -90,6 +91,7 @@ class Campaign:
     design: AbstractDesign
     loops: tuple[ClosedLoop, ...]
     kinds: tuple[str, ...]
+    stream: int = SWEEP
 
     @property
     def labels(self) -> tuple[str, ...]:
