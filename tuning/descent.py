@@ -62,8 +62,10 @@ class Descent:
         self._devices = devices
         self._members = training, validation
         self._optimiser = make_optimiser(settings.optimiser)
-        self._begin = jax.jit(self._started)
-        self._step = jax.jit(self._stepped)
+        # The costly part is one program, for the start and for every step.
+        self._look = jax.jit(self._looked)
+        self._try = jax.jit(self._tried)
+        self._settle = jax.jit(self._settled)
 
     def start(self, free: Series) -> State:
         """The state before the first step; further starts are scattered around it.
@@ -77,7 +79,7 @@ class Descent:
             (settings.starts, free.shape[0]),
             free.dtype,
         )
-        state: State = self._begin(free + offsets.at[0].set(0.0), self._members)
+        state = self._started(free + offsets.at[0].set(0.0))
         if not np.any(np.asarray(state.loss) < FAILED):
             raise FloatingPointError(
                 "the objective is not finite at the starting gains, for no member; "
@@ -88,7 +90,9 @@ class Descent:
 
     def advance(self, state: State) -> tuple[State, Step]:
         """One step of every descent."""
-        state, tried, loss, validation, refused, rate = self._step(state, self._members)
+        tried, optimiser, rate = self._try(state)
+        loss, slope, validation = self._look(tried, state.number + 1, self._members)
+        state, refused = self._settle(state, tried, optimiser, loss, slope, validation)
         j = state.leader()
         validation = np.asarray(validation)
         step = Step(
@@ -112,12 +116,11 @@ class Descent:
             state, step = self.advance(state)
             yield state, step
 
-    def _started(self, free: jax.Array, members: tuple[Any, Any]) -> State:
-        loss, slope = self._gradients(free, jnp.asarray(0), members[0])
-        validation = self._validated(free, members[1])
-        zero = jnp.zeros(free.shape[0], jnp.int32)
+    def _started(self, free: jax.Array) -> State:
+        number = jnp.asarray(0, jnp.int32)
+        loss, slope, validation = self._look(free, number, self._members)
         return State(
-            jnp.asarray(0, jnp.int32),
+            number,
             free,
             slope,
             loss,
@@ -128,19 +131,40 @@ class Descent:
             loss,
             free,
             validation,
-            zero,
+            jnp.zeros(free.shape[0], jnp.int32),
         )
 
-    def _stepped(self, state: State, members: tuple[Any, Any]) -> tuple[Any, ...]:
-        settings, number = self.settings, state.number + 1
+    def _looked(
+        self, free: jax.Array, number: jax.Array, members: tuple[Any, Any]
+    ) -> tuple[Series, jax.Array, Series]:
+        """Objective and gradient on the training members, objective on the others."""
+        loss, slope = self._gradients(free, number, members[0])
+        validation = losses(
+            self._loss, free, members[1], self._aggregate, self._devices
+        )
+        return loss, slope, validation
+
+    def _tried(self, state: State) -> tuple[jax.Array, Any, Series]:
+        """Where the next step leads, the optimiser there, and the learning rate."""
+        settings = self.settings
         turn = jnp.pi * state.number / settings.steps
         rate = settings.learning_rate * state.shrink * 0.5 * (1.0 + jnp.cos(turn))
         update, optimiser = jax.vmap(self._optimiser.update)(
             state.slope, state.optimiser, state.free
         )
-        tried = state.free + rate[:, None] * update
-        loss, slope = self._gradients(tried, number, members[0])
-        validation = self._validated(tried, members[1])
+        return state.free + rate[:, None] * update, optimiser, rate
+
+    def _settled(
+        self,
+        state: State,
+        tried: jax.Array,
+        optimiser: Any,
+        loss: Series,
+        slope: jax.Array,
+        validation: Series,
+    ) -> tuple[State, jax.Array]:
+        """The state after a step, and which steps were refused."""
+        settings = self.settings
         refused = ~(loss <= settings.worse * state.best_loss)
         better = ~refused & (loss < state.best_loss)
         chosen = ~refused & (validation < state.chosen_loss)
@@ -155,7 +179,7 @@ class Descent:
 
         fresh = jax.vmap(self._optimiser.init)(state.best_free)
         following = State(
-            number,
+            state.number + 1,
             either(refused, state.best_free, tried),
             either(refused, state.best_slope, slope),
             either(refused, state.best_loss, loss),
@@ -168,10 +192,7 @@ class Descent:
             either(chosen, validation, state.chosen_loss),
             jnp.where(progress, 0, state.since + 1),
         )
-        return following, tried, loss, validation, refused, rate
-
-    def _validated(self, free: jax.Array, members: Any) -> Series:
-        return losses(self._loss, free, members, self._aggregate, self._devices)
+        return following, refused
 
     def _gradients(
         self, free: jax.Array, number: jax.Array, members: Any
