@@ -2,13 +2,8 @@
 
 import dataclasses
 import json
-import os
 import re
 import resource
-import signal
-import subprocess
-import sys
-import time
 
 import jax
 import netCDF4
@@ -171,6 +166,8 @@ def test_a_finished_campaign_is_not_computed_again(sweep, tmp_path, monkeypatch)
         ("--uncertainty u.toml", ("--uncertainty", "vehicle")),
         ("--uncertainty 0", ("--uncertainty must be above zero",)),
         ("--uncertainty 1", ("--uncertainty", "[0, 1)")),
+        ("--hosts 2 --shard 1/2", ("--coordinator ADDRESS:PORT", "go together")),
+        ("--coordinator here:1", ("--coordinator", "received here:1, 1 and 0")),
         ("--until-ci 0.1 --shard 1/2", ("--until-ci does not go with --shard",)),
         ("--require p_violation", ("--require", "p_violation<0.01")),
         ("--require p_flood<1", ("--require", "'p_flood' is no quantity")),
@@ -350,46 +347,4 @@ def test_a_column_of_a_failed_run_is_infinite():
     table = Table(make_rows(0, np.ones((3, 1)), metrics), ("x",))
     np.testing.assert_array_equal(
         table.column(0, "depth.rms_error"), [1.0, np.inf, np.inf]
-    )
-
-
-def test_killed_and_resumed_it_has_the_rows_of_an_uninterrupted_one(tmp_path):
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(("JAX", "XLA"))}
-    environment = {
-        **clean,
-        "JAX_PLATFORMS": "cpu",
-        "JAX_NUM_CPU_DEVICES": "1",
-        "XDG_CACHE_HOME": str(tmp_path),
-    }
-    told = ["--members", "1800", "--duration", "40"]
-
-    def command(out, *more):
-        base = [sys.executable, "-m", "tuning", *RUN.split(), *told]
-        return [*base, "--out", str(tmp_path / out), *more]
-
-    def finish(*arguments):
-        done = subprocess.run(
-            command(*arguments),
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-
-    rows = tmp_path / "killed/rows.bin"
-    running = subprocess.Popen(
-        command("killed"), env=environment, stderr=subprocess.DEVNULL
-    )
-    deadline = time.monotonic() + 120.0
-    while not (rows.exists() and rows.stat().st_size) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    running.send_signal(signal.SIGKILL)
-    assert running.wait() == -signal.SIGKILL
-    finish("killed", "--resume")
-    finish("whole")
-    whole = tmp_path / "whole/rows.bin"
-    assert rows.read_bytes() == whole.read_bytes()
-    assert (
-        len(rows.read_bytes()) == 1800 * read_manifest(whole.parent).row_type().itemsize
     )

@@ -129,6 +129,9 @@ def _check(options: argparse.Namespace) -> int:
 
 def _sweep(options: argparse.Namespace) -> int:
     start_jax(options.precision, every_core=True)
+    from tuning.sweep.hosts import join_hosts
+
+    join_hosts(options)
     from tuning.sweep.command import sweep
 
     return sweep(options)

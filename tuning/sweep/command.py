@@ -14,12 +14,13 @@ from tuning.sweep.columns import Table
 from tuning.sweep.drivers import drivers
 from tuning.sweep.engine import Engine
 from tuning.sweep.folder import prepare
+from tuning.sweep.hosts import gathered
 from tuning.sweep.levels import write_levels
 from tuning.sweep.netcdf import write_members
 from tuning.sweep.report import write_report
 from tuning.sweep.sensitivity import run_blocks, sensitivities
 from tuning.sweep.settings import Campaign, build, read_settings
-from tuning.sweep.store import Manifest, Store, StoreFull, opened
+from tuning.sweep.store import Manifest, Store, StoreFull, opened, read_rows
 from tuning.sweep.summary import MEASURES, summarise, text_summary
 
 OK, RUN_FAILED, VIOLATED, INTERRUPTED = 0, 1, 3, 130
@@ -28,23 +29,16 @@ OK, RUN_FAILED, VIOLATED, INTERRUPTED = 0, 1, 3, 130
 def sweep(options: argparse.Namespace) -> int:
     """`jaxglider sweep`: a campaign for each level of uncertainty."""
     levels = list(dict.fromkeys(options.uncertainty))
-    if options.until_ci is not None and options.shard != (1, 1):
-        raise ValueError(
-            "--until-ci does not go with --shard: no part knows what the others have "
-            "found. Give --members instead."
-        )
+    _check(options)
     campaigns = {level: build(read_settings(options, level)) for level in levels}
-    if options.sensitivity and options.shard != (1, 1):
-        raise ValueError(
-            "--sensitivity does not go with --shard; ask for it where all members are."
-        )
     for rule in options.require:
         rule.check(campaigns[levels[0]].labels, MEASURES)
     codes: list[int] = []
     summaries: dict[str, dict[str, Any]] = {}
     for level, campaign in campaigns.items():
         folder = options.out if len(levels) == 1 else options.out / _name(level)
-        code, summary = _run(options, campaign, folder)
+        run = _run if options.hosts == 1 else _run_on_hosts
+        code, summary = run(options, campaign, folder)
         codes.append(code)
         if summary:
             summaries[folder.name] = summary
@@ -59,6 +53,30 @@ def sweep(options: argparse.Namespace) -> int:
         write_levels(options.out, summaries, draws=not options.no_report)
     worst = [code for code in (INTERRUPTED, RUN_FAILED, VIOLATED) if code in codes]
     return worst[0] if worst else OK
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse options that do not go together.
+
+    Raises:
+        ValueError: names them.
+    """
+    if options.hosts > 1 and options.shard != (1, 1):
+        raise ValueError(
+            "--hosts does not go with --shard: each host runs a part already."
+        )
+    divided = "--shard" if options.shard != (1, 1) else "--hosts"
+    whole = options.shard == (1, 1) and options.hosts == 1
+    if options.until_ci is not None and not whole:
+        raise ValueError(
+            f"--until-ci does not go with {divided}: no part knows what the others "
+            "have found. Give --members instead."
+        )
+    if options.sensitivity and not whole:
+        raise ValueError(
+            f"--sensitivity does not go with {divided}; ask for it where all members "
+            "are."
+        )
 
 
 def _name(level: float | Path) -> str:
@@ -105,6 +123,33 @@ def _run(
         rows = store.rows()
         summary = conclude(options, folder, campaign, manifest, rows, about, runs)
     return code or verdict(summary), summary
+
+
+def _run_on_hosts(
+    options: argparse.Namespace, campaign: Campaign, folder: Path
+) -> tuple[int, dict[str, Any] | None]:
+    """This host's part of a campaign; host 0 then gathers and concludes."""
+    host, hosts, total = options.host, options.hosts, campaign.settings.members
+    own = folder / f"host-{host}"
+    alone = {"shard": (host + 1, hosts), "no_report": True, "require": []}
+    mine = argparse.Namespace(**{**vars(options), **alone})
+    code, _ = _run(mine, campaign, own)
+    if code != OK:
+        return code, None
+    about = provenance(command=sys.argv[1:], precision=options.precision, hosts=hosts)
+    merged = Manifest.of(campaign, 0, total, about)
+    rows = read_rows(own / "rows.bin", merged.row_type())
+    if host > 0:
+        for _ in gathered(rows, total, host, hosts):
+            pass
+        return OK, None
+    (folder / "rows.bin").unlink(missing_ok=True)
+    merged.write(folder)
+    with opened(folder, merged.row_type(), 0) as store:
+        for part in gathered(rows, total, host, hosts):
+            store.append(part)
+        summary = conclude(options, folder, campaign, merged, store.rows(), about)
+    return verdict(summary), summary
 
 
 def verdict(summary: dict[str, Any]) -> int:

@@ -15,6 +15,7 @@ from tuning.arguments import (
     seed,
     share,
     uncertainty,
+    whole,
 )
 from tuning.sweep.requirements import requirement
 
@@ -28,6 +29,7 @@ def add_sweep(commands: Any) -> None:
     _add_case(parser)
     _add_members(parser)
     _add_verdict(parser)
+    _add_hosts(parser)
     parser.add_argument(
         "--precision", type=int, choices=(32, 64), default=32, help="default: 32"
     )
@@ -151,6 +153,21 @@ def _add_members(parser: argparse.ArgumentParser) -> None:
         default=(1, 1),
         metavar="I/N",
         help="run the I-th of N parts only; `jaxglider merge` joins them",
+    )
+
+
+def _add_hosts(parser: argparse.ArgumentParser) -> None:
+    hosts = parser.add_argument_group("several hosts")
+    hosts.add_argument(
+        "--coordinator",
+        metavar="ADDRESS:PORT",
+        help="of host 0; give every host the same command but for --host",
+    )
+    hosts.add_argument(
+        "--hosts", type=count, default=1, metavar="N", help="how many there are"
+    )
+    hosts.add_argument(
+        "--host", type=whole, default=0, metavar="I", help="number of this one, from 0"
     )
 
 
