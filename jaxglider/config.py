@@ -96,7 +96,10 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     make_plant = choice(plant_name, paper.PLANTS, "vehicle.plant")
     factor = vehicle_table.number("design_factor", paper.DESIGN_FACTOR)
     vehicle_table.close()
-    plant = make_plant(vehicle.parameters)
+    try:
+        plant = make_plant(vehicle)
+    except ValueError as error:
+        raise ConfigError(f"vehicle.plant: {error}") from error
     scenario = Scenario(
         read_clock(top.table("clock")),
         plant,

@@ -7,11 +7,12 @@ Euler rates is singular at θ = ±π/2.
 import math
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxglider._types import Scalar
-from jaxglider.numerics import sincos
+from jaxglider.numerics import arctan, sincos
 
 
 class Attitude(eqx.Module):
@@ -74,3 +75,28 @@ def wrap(angle: Scalar) -> Scalar:
     """The same angle [rad] in [−π, π)."""
     turns = jnp.floor(angle * (0.5 / math.pi) + 0.5)
     return angle - 2.0 * math.pi * turns
+
+
+@jax.custom_jvp
+def direction(x: Scalar, y: Scalar) -> Scalar:
+    """atan2(y, x) [rad], from the x axis to the y axis; zero at the origin.
+
+    Its derivative there, which does not exist, is zero too. The native one is called
+    once per lane on a CPU; this vectorises.
+    """
+    steep = jnp.abs(y) > jnp.abs(x)
+    over, under = jnp.where(steep, x, y), jnp.where(steep, y, x)
+    angle = arctan(over / jnp.where(under == 0.0, 1.0, under))
+    side = jnp.where(y < 0.0, -math.pi, math.pi)
+    level = jnp.where(x < 0.0, side + angle, angle)
+    return jnp.where(steep, 0.5 * side - angle, level)
+
+
+@direction.defjvp
+def _direction_jvp(
+    primals: tuple[Scalar, Scalar], tangents: tuple[Scalar, Scalar]
+) -> tuple[Scalar, Scalar]:
+    (x, y), (x_dot, y_dot) = primals, tangents
+    square = x * x + y * y
+    square = jnp.where(square == 0.0, 1.0, square)
+    return direction(x, y), (x * y_dot - y * x_dot) / square

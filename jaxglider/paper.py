@@ -42,16 +42,19 @@ from jaxglider.signals import BodyAxes, Channels, GliderState, each
 from jaxglider.transform import ErrorTransformation
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.design_model import DesignModel
-from jaxglider.vehicle.parameters import load_vehicle
-from jaxglider.vehicle.plant import SmallAnglePlant, printed_plant, rigid_body_plant
+from jaxglider.vehicle.full_plant import full_plant
+from jaxglider.vehicle.parameters import VehicleData, load_vehicle
+from jaxglider.vehicle.plant import AbstractPlant, printed_plant, rigid_body_plant
 
 DESIGN_FACTOR = 0.8
 """The "20 % uncertainty": design parameters over true ones."""
 
-PLANTS: dict[str, Callable[..., SmallAnglePlant]] = {
-    "printed": printed_plant,
-    "rigid-body": rigid_body_plant,
+PLANTS: dict[str, Callable[[VehicleData], AbstractPlant]] = {
+    "printed": lambda vehicle: printed_plant(vehicle.parameters),
+    "rigid-body": lambda vehicle: rigid_body_plant(vehicle.parameters),
+    "seawing": full_plant,
 }
+"""The paper's glider, the same with a consistent moving mass, and the published one."""
 CONTROLLERS = ("smc", "ppc", "fxtppc")
 DURATION = {"switching": 800.0, "waypoints": 1200.0}
 SCENARIOS = tuple(DURATION)
@@ -130,7 +133,7 @@ def make_scenario(
 
     Args:
         scenario: `switching` or `waypoints`.
-        plant: `printed` or `rigid-body`.
+        plant: `printed`, `rigid-body` or `seawing`.
         vehicle: name or path of the vehicle's data.
         dt: control tick [s].
         substeps: integration steps per tick.
@@ -147,7 +150,7 @@ def make_scenario(
         Clock.lasting(
             DURATION[scenario] if duration is None else duration, dt, substeps
         ),
-        PLANTS[plant](data.parameters),
+        PLANTS[plant](data),
         each(Actuator, data.limits),
         disturbance(),
         reference(scenario),
@@ -155,9 +158,10 @@ def make_scenario(
     )
 
 
-def design_model(plant: SmallAnglePlant, factor: float = DESIGN_FACTOR) -> DesignModel:
+def design_model(plant: AbstractPlant, factor: float = DESIGN_FACTOR) -> DesignModel:
     """What the paper's designer believes of a plant."""
-    return DesignModel(plant.parameters.scaled(factor), plant.actuation)
+    exact = plant.model()
+    return DesignModel(exact.parameters.scaled(factor), exact.actuation)
 
 
 def funnel(
@@ -231,7 +235,6 @@ def make_loop(
 ) -> ClosedLoop:
     """A whole closed loop of the paper; options as for `make_scenario`."""
     setting = make_scenario(scenario, plant, **options)
-    assert isinstance(setting.plant, SmallAnglePlant)
     model = design_model(setting.plant)
     return ClosedLoop(
         setting,

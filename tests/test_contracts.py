@@ -54,6 +54,7 @@ from jaxglider.signals import (
     zeros,
 )
 from jaxglider.vehicle.actuators import Actuator, Failure
+from jaxglider.vehicle.full_plant import full_plant
 from jaxglider.vehicle.parameters import load_vehicle
 from jaxglider.vehicle.plant import AbstractPlant, printed_plant, rigid_body_plant
 
@@ -308,6 +309,7 @@ REGISTRY = {
     "disturbance/varied": lambda: disturbance(Varied(paper.disturbance(), 1.3, 0.4)),
     "plant/printed": lambda: plant(printed_plant(PARAMETERS)),
     "plant/rigid-body": lambda: plant(rigid_body_plant(PARAMETERS)),
+    "plant/seawing": lambda: plant(full_plant(load_vehicle("seawing"))),
     "actuator/saturated": lambda: actuator(Actuator(0.4)),
     "actuator/rate-limited": lambda: actuator(rate_limited()),
     "actuator/failing": lambda: actuator(Actuator(0.4, failure=failure())),

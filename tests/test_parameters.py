@@ -114,8 +114,8 @@ def test_a_file_of_the_users_is_read_with_plain_or_annotated_numbers(write):
 
 
 def test_an_unknown_vehicle_is_refused_with_the_choices():
-    text = _refusal("slocum")
-    assert "'slocum'" in text
+    text = _refusal("spray")
+    assert "'spray'" in text
     assert "'seawing'" in text
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 SCENARIOS = ("switching", "waypoints")
-PLANTS = ("printed", "rigid-body")
+PLANTS = ("printed", "rigid-body", "seawing")
 CONTROLLERS = ("smc", "ppc", "fxtppc")
 
 

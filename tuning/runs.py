@@ -25,7 +25,6 @@ from jaxglider.io import (
 from jaxglider.plotting import save_all
 from jaxglider.rollout import ClosedLoop, simulate
 from jaxglider.trajectory import Trajectory
-from jaxglider.vehicle.plant import SmallAnglePlant
 from tuning.gain_files import resolve
 from tuning.progress import Progress, note
 from tuning.tables import markdown_tables, text_table
@@ -89,7 +88,6 @@ def _note_origin(path: Path, scenarios: Sequence[str], plant: str) -> None:
 
 def _paper_entries(options: argparse.Namespace, scenario: str) -> Iterator[Entry]:
     setting = paper.make_scenario(scenario, options.plant, dt=options.dt)
-    assert isinstance(setting.plant, SmallAnglePlant)
     model = paper.design_model(setting.plant)
     for name in dict.fromkeys(options.controllers):
         loop = ClosedLoop(

@@ -18,7 +18,6 @@ from jaxglider.rollout import ClosedLoop, evaluate
 from jaxglider.scenario import Scenario
 from jaxglider.uncertainty import Uncertainty
 from jaxglider.vehicle.design_model import DesignModel
-from jaxglider.vehicle.plant import SmallAnglePlant
 from tuning.gain_files import resolve
 from tuning.members import (
     TEST,
@@ -234,7 +233,6 @@ def _starting_loop(
     )
     # Whatever becomes of a law's own funnel, it is judged by the one prescribed.
     setting = dataclasses.replace(setting, funnel=paper.funnel(options.scenario))
-    assert isinstance(setting.plant, SmallAnglePlant)
     model = paper.design_model(setting.plant)
     if options.gains is not None:
         law = options.controller or "fxtppc"

@@ -60,9 +60,19 @@ class Effectiveness(eqx.Module):
         )
 
 
-def restoring(parameters: GliderParameters, a: Attitude) -> BodyAxes[Scalar]:
-    """E(η): the moment [N m] of the moving mass at rest, hanging below the axis."""
-    weight_arm = parameters.moving_mass * parameters.gravity * parameters.mass_offset
+def restoring(
+    parameters: GliderParameters, a: Attitude, hull_moment: Scalar | float = 0.0
+) -> BodyAxes[Scalar]:
+    """E(η): the moment [N m] of the moving mass at rest, hanging below the axis.
+
+    Args:
+        parameters: of the glider.
+        a: its attitude.
+        hull_moment: m_h z_h [kg m] of a hull that hangs below the axis too.
+    """
+    weight_arm = parameters.gravity * (
+        parameters.moving_mass * parameters.mass_offset + hull_moment
+    )
     zero = jnp.zeros_like(weight_arm)
     return BodyAxes(
         zero,
@@ -106,6 +116,10 @@ class AbstractActuation(eqx.Module):
         self, parameters: GliderParameters, a: Attitude, gamma: Scalar
     ) -> Effectiveness:
         """B(η, γ): the control-affine form that a design model works with."""
+
+    def restoring(self, parameters: GliderParameters, a: Attitude) -> BodyAxes[Scalar]:
+        """E(η): the moment [N m] of everything at rest."""
+        return restoring(parameters, a)
 
     @abstractmethod
     def wrench(
@@ -162,4 +176,33 @@ class RigidBodyActuation(AbstractActuation):
             y * down - z * side,
             z * ahead - x * down + b.pitch_buoyancy * mb,
             x * side - y * ahead + b.yaw_buoyancy * mb,
+        )
+
+
+class BallastedActuation(AbstractActuation):
+    """The moment of the moving mass, on a hull whose own centre of mass lies below.
+
+    Attributes:
+        hull_moment: m_h z_h [kg m], mass of the hull times depth of its centre.
+    """
+
+    hull_moment: Scalar
+
+    def effectiveness(
+        self, parameters: GliderParameters, a: Attitude, gamma: Scalar
+    ) -> Effectiveness:
+        """B(η, γ) of the moving mass; the hull does not move."""
+        return _effectiveness(parameters, a, gamma, row4_sign=1.0)
+
+    def restoring(self, parameters: GliderParameters, a: Attitude) -> BodyAxes[Scalar]:
+        """E(η) with the hull's share."""
+        return restoring(parameters, a, self.hull_moment)
+
+    def wrench(
+        self, parameters: GliderParameters, a: Attitude, command: Command[Scalar]
+    ) -> BodyAxes[Scalar]:
+        """Buoyancy force and the exact moments of moving mass and hull."""
+        moving = RigidBodyActuation().wrench(parameters, a, command)
+        return moving + (
+            restoring(parameters, a, self.hull_moment) - restoring(parameters, a)
         )

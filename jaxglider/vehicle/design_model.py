@@ -13,7 +13,7 @@ from jaxglider._types import Scalar
 from jaxglider.frames import Attitude, euler_rates
 from jaxglider.numerics import solve_symmetric
 from jaxglider.signals import BodyAxes, Channels, Command, GliderState, Measurement
-from jaxglider.vehicle.actuation import AbstractActuation, restoring
+from jaxglider.vehicle.actuation import AbstractActuation
 from jaxglider.vehicle.hydrodynamics import coriolis, hydrodynamics
 from jaxglider.vehicle.parameters import GliderParameters
 
@@ -81,7 +81,7 @@ class DesignModel(eqx.Module):
         return (
             coriolis(self.parameters, nu)
             + hydrodynamics(self.parameters, nu)
-            + restoring(self.parameters, a)
+            + self.actuation.restoring(self.parameters, a)
         )
 
     def force(

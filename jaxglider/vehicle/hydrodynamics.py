@@ -1,13 +1,18 @@
-"""Inertial and hydrodynamic forces of the small-angle glider model.
+"""Inertial and hydrodynamic forces: for small angles, and in the frame of the flow.
 
-Source: Yang and Mahmoudian, Eqs. for C(ν)ν and D(ν)ν, after Zhang et al. 2013, under
-Assumption 1: v, w ≪ u, so V = u, sin α = w/u, sin β = v/u.
+Source of the first: Yang and Mahmoudian, Eqs. for C(ν)ν and D(ν)ν, after Zhang et al.
+2013, under Assumption 1: v, w ≪ u, so V = u, sin α = w/u, sin β = v/u. Source of the
+second: Zhang, Yu, Zhang and Zhang, Ocean Engineering 60 (2013) 1-13.
 
 Deviation from the printed equations: the last term of row 4 of Dν repeats a pitch
 coefficient, −K_M0 u v; the source has none, and it is dropped.
 """
 
+import jax.numpy as jnp
+
 from jaxglider._types import Scalar
+from jaxglider.frames import direction
+from jaxglider.numerics import once
 from jaxglider.signals import BodyAxes
 from jaxglider.vehicle.parameters import GliderParameters
 
@@ -51,4 +56,48 @@ def hydrodynamics(
         + c.pitch_damping * q * uu
         + c.pitch_moment_slope * u * w,
         c.yaw_damping * r * uu + c.yaw_moment_slope * u * v,
+    )
+
+
+SLOWEST = 1e-6
+"""Speed [m/s] below which the flow has no direction: its frame is singular at rest."""
+
+
+def flow_frame_hydrodynamics(
+    parameters: GliderParameters, induced_drag: Scalar, velocity: BodyAxes[Scalar]
+) -> BodyAxes[Scalar]:
+    """R (−D, SF, −L) and R (T₁, T₂, T₃): force [N] and moment [N m], body frame.
+
+    D = (K_D0 + K_D α²) V², SF = K_β β V², L = (K_L0 + K_L α) V², T₁ = (K_MR β + K_p p)
+    V², T₂ = (K_M0 + K_M α + K_q q) V², T₃ = (K_MY β + K_r r) V²; α = atan2(w, u),
+    β = asin(v/V), R from the frame of the flow to that of the body.
+    """
+    c = parameters
+    u, v, w = velocity.surge, velocity.sway, velocity.heave
+    p, q, r = velocity.roll, velocity.pitch, velocity.yaw
+    ahead = once(jnp.sqrt(u * u + w * w + SLOWEST * SLOWEST))
+    speed2 = once(ahead * ahead + v * v)
+    speed = once(jnp.sqrt(speed2))
+    alpha, beta = once(direction(u, w)), once(direction(ahead, v))
+    cos_a, sin_a, cos_b, sin_b = u / ahead, w / ahead, ahead / speed, v / speed
+
+    def to_body(x: Scalar, y: Scalar, z: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+        x, y, z = once(speed2 * x), once(speed2 * y), once(speed2 * z)
+        level = once(cos_b * x - sin_b * y)
+        return (
+            cos_a * level - sin_a * z,
+            sin_b * x + cos_b * y,
+            sin_a * level + cos_a * z,
+        )
+
+    drag = c.drag + induced_drag * alpha * alpha
+    return BodyAxes(
+        *to_body(
+            -drag, c.side_force_slope * beta, -c.lift_offset - c.lift_slope * alpha
+        ),
+        *to_body(
+            c.roll_moment_slope * beta + c.roll_damping * p,
+            c.pitch_moment_offset + c.pitch_moment_slope * alpha + c.pitch_damping * q,
+            c.yaw_moment_slope * beta + c.yaw_damping * r,
+        ),
     )

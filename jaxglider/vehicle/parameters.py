@@ -5,6 +5,7 @@ Every number is a traced float: ensembles and gradients go through all of them.
 
 import dataclasses
 import tomllib
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -126,13 +127,76 @@ UNCERTAIN = tuple(
 """Names of the parameters that the paper's uncertainty covers: M, I and every K."""
 
 
+class BodyParameters(Container):
+    """Where the masses are, and the coefficients that small angles do not need.
+
+    `GliderParameters` has the sums: m₁ is the mass of hull, moving mass, ballast and
+    water carried along in surge, I₁ the inertia of hull and water in roll. This says
+    how to take them apart.
+
+    Attributes:
+        hull_mass: m_h [kg].
+        ballast_mass: m_0 [kg], of the ballast in neutral buoyancy, with its engine.
+        hull_ahead: x of the hull's centre of mass [m].
+        hull_below: its z [m].
+        moving_ahead: x of the moving mass [m] for r_p1 = 0.
+        moving_roll_inertia: of the moving mass about its own centre [kg m²].
+        moving_pitch_inertia: likewise, for γ = 0.
+        moving_yaw_inertia: likewise.
+        sway_yaw_coupling: added mass between sway and yaw [kg m].
+        heave_pitch_coupling: between heave and pitch [kg m].
+        induced_drag: K_D [kg/m/rad²].
+
+    Raises:
+        ValueError: a mass or an inertia is negative.
+    """
+
+    hull_mass: Scalar = _number()
+    ballast_mass: Scalar = _number()
+    hull_ahead: Scalar = _number()
+    hull_below: Scalar = _number()
+    moving_ahead: Scalar = _number()
+    moving_roll_inertia: Scalar = _number()
+    moving_pitch_inertia: Scalar = _number()
+    moving_yaw_inertia: Scalar = _number()
+    sway_yaw_coupling: Scalar = _number()
+    heave_pitch_coupling: Scalar = _number()
+    induced_drag: Scalar = _number()
+
+    def __check_init__(self) -> None:
+        check_interval("BodyParameters", "hull_mass", self.hull_mass, 0.0)
+        for name in (
+            "ballast_mass",
+            "moving_roll_inertia",
+            "moving_pitch_inertia",
+            "moving_yaw_inertia",
+            "induced_drag",
+        ):
+            value = getattr(self, name)
+            check_interval("BodyParameters", name, value, 0.0, closed_low=True)
+
+    def displaced_mass(self, parameters: GliderParameters) -> Scalar:
+        """Mass of the water displaced [kg]: all masses, the ballast neutral."""
+        return self.hull_mass + parameters.moving_mass + self.ballast_mass
+
+
 @dataclasses.dataclass(frozen=True)
 class VehicleData:
-    """A vehicle as published: its parameters and the limits of its actuators."""
+    """A vehicle as published.
+
+    Attributes:
+        name: of the vehicle.
+        parameters: of the small-angle equations.
+        limits: of its actuators.
+        body: what the full equations need besides, or None if the file does not say.
+        doubts: what is doubtful about the numbers, by their keys.
+    """
 
     name: str
     parameters: GliderParameters
     limits: Command[Scalar]
+    body: BodyParameters | None = None
+    doubts: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
 
 def vehicle_names() -> list[str]:
@@ -151,6 +215,33 @@ def load_vehicle(name_or_path: str | Path) -> VehicleData:
         ValueError: unknown name, unknown or missing parameter, or a bad value.
         OSError: the file cannot be read.
     """
+    data, source = read_vehicle_file(name_or_path), name_or_path
+    tables = {"parameters": GliderParameters, "limits": Command, "body": BodyParameters}
+    if "body" not in data:
+        del tables["body"]
+    values = {key: _values(data, key, kind, source) for key, kind in tables.items()}
+    try:
+        return VehicleData(
+            str(data.get("name", source)),
+            GliderParameters(**values["parameters"]),
+            Command(**values["limits"]),
+            BodyParameters(**values["body"]) if "body" in values else None,
+            _doubts(data, tables),
+        )
+    except ValueError as error:
+        raise ValueError(f"{source}: {error}") from error
+
+
+def read_vehicle_file(name_or_path: str | Path) -> dict[str, Any]:
+    """The tables of a vehicle's file, unit, source and doubt beside each number.
+
+    Args:
+        name_or_path: a name from `vehicle_names`, or the path of a file.
+
+    Raises:
+        ValueError: unknown name, or not TOML.
+        OSError: the file cannot be read.
+    """
     if str(name_or_path) in vehicle_names():
         text = (
             resources.files("jaxglider.vehicle") / "data" / f"{name_or_path}.toml"
@@ -163,19 +254,19 @@ def load_vehicle(name_or_path: str | Path) -> VehicleData:
             f"received {str(name_or_path)!r}."
         )
     try:
-        data = tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{name_or_path}: not valid TOML: {error}.") from error
-    parameters = _values(data, "parameters", GliderParameters, name_or_path)
-    limits = _values(data, "limits", Command, name_or_path)
-    try:
-        return VehicleData(
-            str(data.get("name", name_or_path)),
-            GliderParameters(**parameters),
-            Command(**limits),
-        )
-    except ValueError as error:
-        raise ValueError(f"{name_or_path}: {error}") from error
+
+
+def _doubts(data: dict[str, Any], tables: Iterable[str]) -> dict[str, str]:
+    """What the file says is doubtful, by key."""
+    return {
+        f"{table}.{key}": str(entry["doubt"])
+        for table in tables
+        for key, entry in data[table].items()
+        if isinstance(entry, dict) and "doubt" in entry
+    }
 
 
 def _values(

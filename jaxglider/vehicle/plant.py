@@ -17,6 +17,7 @@ from jaxglider.vehicle.actuation import (
     PrintedActuation,
     RigidBodyActuation,
 )
+from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.hydrodynamics import coriolis, hydrodynamics
 from jaxglider.vehicle.parameters import GliderParameters
 
@@ -44,6 +45,10 @@ class AbstractPlant(eqx.Module):
             command: what the actuators hold.
             disturbance: τ_d, external force [N] and moment [N m], body frame.
         """
+
+    @abstractmethod
+    def model(self) -> DesignModel:
+        """What a designer who knows this glider exactly would design with."""
 
 
 class SmallAnglePlant(AbstractPlant):
@@ -84,6 +89,10 @@ class SmallAnglePlant(AbstractPlant):
             *frames.euler_rates(a, state.roll_rate, state.pitch_rate, state.yaw_rate),
             *acceleration.fields(),
         )
+
+    def model(self) -> DesignModel:
+        """The same equations in control-affine form."""
+        return DesignModel(self.parameters, self.actuation)
 
 
 def printed_plant(parameters: GliderParameters) -> SmallAnglePlant:
