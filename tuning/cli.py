@@ -201,6 +201,20 @@ def _cache(options: argparse.Namespace) -> int:
     return cache(options)
 
 
+def _vehicles(options: argparse.Namespace) -> int:
+    start_jax(64)
+    from tuning.vehicles import vehicles
+
+    return vehicles(options)
+
+
+def _trim(options: argparse.Namespace) -> int:
+    start_jax(options.precision)
+    from tuning.trim import trim
+
+    return trim(options)
+
+
 _COMMANDS = {
     "compare": _compare,
     "simulate": _simulate,
@@ -212,6 +226,8 @@ _COMMANDS = {
     "init": _init,
     "validate": _validate,
     "cache": _cache,
+    "vehicles": _vehicles,
+    "trim": _trim,
 }
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from tuning.arguments import (
     seed,
 )
 from tuning.sweep.options import add_merge, add_rerun, add_sweep
+from tuning.trim_options import add_trim, add_vehicles
 from tuning.tune_options import add_check, add_tune
 
 
@@ -37,6 +38,8 @@ def parser() -> argparse.ArgumentParser:
     _add_init(commands)
     _add_validate(commands)
     _add_cache(commands)
+    add_vehicles(commands)
+    add_trim(commands)
     for command in commands.choices.values():
         command.add_argument(
             "--debug",

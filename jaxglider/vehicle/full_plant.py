@@ -50,7 +50,7 @@ class FullPlant(AbstractPlant):
         mass = mass_matrix(self.parameters, self.body, command)
         force = (
             momentum_transport(mass, nu)
-            + flow_frame_hydrodynamics(self.parameters, self.body.induced_drag, nu)
+            + self.water(nu)
             + weight(self.parameters.gravity, mass, a, command.buoyancy_mass)
             + disturbance
         )
@@ -58,6 +58,12 @@ class FullPlant(AbstractPlant):
             *frames.body_to_ned(a, state.surge, state.sway, state.heave),
             *frames.euler_rates(a, state.roll_rate, state.pitch_rate, state.yaw_rate),
             *accelerate(mass, force).fields(),
+        )
+
+    def water(self, velocity: BodyAxes[Scalar]) -> BodyAxes[Scalar]:
+        """Forces and moments in the frame of the flow, turned to the body's."""
+        return flow_frame_hydrodynamics(
+            self.parameters, self.body.induced_drag, velocity
         )
 
     def model(self) -> DesignModel:
@@ -153,6 +159,6 @@ def full_plant(vehicle: VehicleData) -> FullPlant:
     if vehicle.body is None:
         raise ValueError(
             f"the seawing plant needs a table [body]; {vehicle.name} has none. "
-            "Copy the one of the SeaWing's data."
+            "`jaxglider vehicles --show seawing` prints one."
         )
     return FullPlant(vehicle.parameters, vehicle.body)

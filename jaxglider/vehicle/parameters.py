@@ -215,7 +215,11 @@ def load_vehicle(name_or_path: str | Path) -> VehicleData:
         ValueError: unknown name, unknown or missing parameter, or a bad value.
         OSError: the file cannot be read.
     """
-    data, source = read_vehicle_file(name_or_path), name_or_path
+    text, source = vehicle_text(name_or_path), name_or_path
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{source}: not valid TOML: {error}.") from error
     tables = {"parameters": GliderParameters, "limits": Command, "body": BodyParameters}
     if "body" not in data:
         del tables["body"]
@@ -232,31 +236,22 @@ def load_vehicle(name_or_path: str | Path) -> VehicleData:
         raise ValueError(f"{source}: {error}") from error
 
 
-def read_vehicle_file(name_or_path: str | Path) -> dict[str, Any]:
-    """The tables of a vehicle's file, unit, source and doubt beside each number.
-
-    Args:
-        name_or_path: a name from `vehicle_names`, or the path of a file.
+def vehicle_text(name_or_path: str | Path) -> str:
+    """The file of a vehicle: unit, source and doubt beside each number.
 
     Raises:
-        ValueError: unknown name, or not TOML.
+        ValueError: unknown name.
         OSError: the file cannot be read.
     """
     if str(name_or_path) in vehicle_names():
-        text = (
-            resources.files("jaxglider.vehicle") / "data" / f"{name_or_path}.toml"
-        ).read_text()
-    elif Path(name_or_path).suffix == ".toml":
-        text = Path(name_or_path).read_text()
-    else:
-        raise ValueError(
-            f"vehicle must be one of {vehicle_names()} or the path of a .toml file; "
-            f"received {str(name_or_path)!r}."
-        )
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{name_or_path}: not valid TOML: {error}.") from error
+        folder = resources.files("jaxglider.vehicle") / "data"
+        return (folder / f"{name_or_path}.toml").read_text()
+    if Path(name_or_path).suffix == ".toml":
+        return Path(name_or_path).read_text()
+    raise ValueError(
+        f"vehicle must be one of {vehicle_names()} or the path of a .toml file; "
+        f"received {str(name_or_path)!r}."
+    )
 
 
 def _doubts(data: dict[str, Any], tables: Iterable[str]) -> dict[str, str]:

@@ -47,6 +47,10 @@ class AbstractPlant(eqx.Module):
         """
 
     @abstractmethod
+    def water(self, velocity: BodyAxes[Scalar]) -> BodyAxes[Scalar]:
+        """Lift, drag, side force [N] and their moments [N m], body frame."""
+
+    @abstractmethod
     def model(self) -> DesignModel:
         """What a designer who knows this glider exactly would design with."""
 
@@ -69,7 +73,7 @@ class SmallAnglePlant(AbstractPlant):
         nu = state.velocity()
         return (
             coriolis(self.parameters, nu)
-            + hydrodynamics(self.parameters, nu)
+            + self.water(nu)
             + self.actuation.wrench(self.parameters, a, command)
         )
 
@@ -89,6 +93,10 @@ class SmallAnglePlant(AbstractPlant):
             *frames.euler_rates(a, state.roll_rate, state.pitch_rate, state.yaw_rate),
             *acceleration.fields(),
         )
+
+    def water(self, velocity: BodyAxes[Scalar]) -> BodyAxes[Scalar]:
+        """D(ν)ν."""
+        return hydrodynamics(self.parameters, velocity)
 
     def model(self) -> DesignModel:
         """The same equations in control-affine form."""

@@ -1,0 +1,55 @@
+"""The equations of motion linearised about a steady motion.
+
+x' = A x + B U for small deviations of (Z, φ, θ, ψ, u, v, w, p, q, r) and of the command
+from a steady motion. Position north and east drive nothing and are left out.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxglider.signals import BodyAxes, Command, GliderState, zeros
+from jaxglider.vehicle.plant import AbstractPlant
+from jaxglider.vehicle.trim import SteadyMotion
+
+STATES = (
+    "depth",
+    "roll",
+    "pitch",
+    "heading",
+    "surge",
+    "sway",
+    "heave",
+    "roll_rate",
+    "pitch_rate",
+    "yaw_rate",
+)
+INPUTS = ("buoyancy_mass", "mass_position", "mass_angle")
+
+
+class Linear(NamedTuple):
+    """A [1/s] and B [per kg, m, rad], in the order of `STATES` and `INPUTS`."""
+
+    a: Float[Array, "10 10"]
+    b: Float[Array, "10 3"]
+
+
+def linearise(plant: AbstractPlant, motion: SteadyMotion) -> Linear:
+    """A and B by forward differentiation.
+
+    Args:
+        plant: the glider.
+        motion: about which.
+    """
+
+    def rate(x: Array, command: Array) -> Array:
+        given = dict(zip(STATES, x, strict=True))
+        state = GliderState.at_rest(**given)
+        turned = plant.derivative(state, Command(*command), zeros(BodyAxes, x[0]))
+        return jnp.stack([getattr(turned, name) for name in STATES])
+
+    x = jnp.stack([getattr(motion.state, name) for name in STATES])
+    command = jnp.stack([getattr(motion.command, name) for name in INPUTS])
+    return Linear(*jax.jacfwd(rate, (0, 1))(x, command))
