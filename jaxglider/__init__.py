@@ -40,3 +40,6 @@ from jaxglider.vehicle.parameters import GliderParameters as GliderParameters
 from jaxglider.vehicle.parameters import load_vehicle as load_vehicle
 from jaxglider.vehicle.plant import printed_plant as printed_plant
 from jaxglider.vehicle.plant import rigid_body_plant as rigid_body_plant
+from jaxglider.vehicle.water import Current as Current
+from jaxglider.vehicle.water import Stratification as Stratification
+from jaxglider.vehicle.water import Water as Water

@@ -32,6 +32,7 @@ from jaxglider.scenario import Clock
 from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.parameters import GliderParameters, VehicleData, load_vehicle
+from jaxglider.vehicle.water import Current, Stratification, Water
 
 _UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
 STATE_UNITS = {
@@ -156,6 +157,47 @@ def _coloured_noise(table: Table) -> GaussMarkov:
         _axes(table, "standard_deviation_N", "standard_deviation_N_m"),
         BodyAxes(*table.numbers("correlation_time_s", length=6)),
     )
+
+
+def read_water(table: Table, vehicle: VehicleData) -> Water | None:
+    """Currents and density; nothing if neither is asked for."""
+    current = stratification = None
+    if table.get("current", None) is not None:
+        own = table.table("current")
+        values = [own.number(key, 0.0) for key in CURRENT_KEYS]
+        period = own.number("tide_period_s", 44712.0)
+        phase = math.radians(own.number("tide_phase_deg", 0.0))
+        own.close()
+        current = _built(Current, "water.current", *values, period, phase)
+    if table.get("stratification", None) is not None:
+        own = table.table("stratification")
+        if vehicle.body is None:
+            mass = own.number("displaced_mass_kg")
+        else:
+            displaced = float(vehicle.body.displaced_mass(vehicle.parameters))
+            mass = own.number("displaced_mass_kg", displaced)
+        values = [own.number(key, 0.0) for key in STRATIFICATION_KEYS]
+        own.close()
+        stratification = _built(Stratification, "water.stratification", mass, *values)
+    table.close()
+    if current is None and stratification is None:
+        return None
+    return Water(current, stratification)
+
+
+CURRENT_KEYS = (
+    "north_m_s",
+    "east_m_s",
+    "shear_north_1_s",
+    "shear_east_1_s",
+    "tide_north_m_s",
+    "tide_east_m_s",
+)
+STRATIFICATION_KEYS = (
+    "density_gradient_1_m",
+    "hull_compressibility_1_m",
+    "neutral_depth_m",
+)
 
 
 def read_reference(table: Table) -> AbstractReference:

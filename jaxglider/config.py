@@ -20,6 +20,7 @@ from jaxglider._mission import (
     read_initial_state,
     read_reference,
     read_vehicle,
+    read_water,
 )
 from jaxglider._toml import (
     ConfigError,
@@ -107,6 +108,7 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
         read_disturbance(top.tables("disturbance")),
         read_reference(top.table("reference")),
         read_initial_state(top.table("initial_state")),
+        water=read_water(top.table("water"), vehicle),
     )
     if factor <= 0.0:
         raise ConfigError(f"vehicle.design_factor must be positive; received {factor}.")

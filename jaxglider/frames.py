@@ -49,6 +49,20 @@ def body_to_ned(
     )
 
 
+def ned_to_body(
+    a: Attitude, north: Scalar, east: Scalar, down: Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Rotate a vector of the north-east-down frame into the body frame, R(φ,θ,ψ)ᵀ."""
+    ahead = a.cos_heading * north + a.sin_heading * east
+    across = a.cos_heading * east - a.sin_heading * north
+    below = a.sin_pitch * ahead + a.cos_pitch * down
+    return (
+        a.cos_pitch * ahead - a.sin_pitch * down,
+        a.sin_roll * below + a.cos_roll * across,
+        a.cos_roll * below - a.sin_roll * across,
+    )
+
+
 def euler_rates(
     a: Attitude, roll_rate: Scalar, pitch_rate: Scalar, yaw_rate: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:

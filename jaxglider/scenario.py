@@ -15,6 +15,7 @@ from jaxglider.sensors import Sensor, check_sensors, realise_errors
 from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.plant import AbstractPlant
+from jaxglider.vehicle.water import Water
 
 MAX_TICKS = 1e8
 """More ticks than this would not fit in memory."""
@@ -78,6 +79,7 @@ class Scenario(Container):
         sensors: errors of the measurement by the name of the state, or None for none.
         funnel: what errors are judged by, whoever steers; None for the controller's
             own. Give one to compare controllers: each could widen its own.
+        water: currents and density, or None for water at rest, the same at every depth.
 
     Raises:
         ValueError: a sensor is named after no state.
@@ -91,6 +93,7 @@ class Scenario(Container):
     initial_state: GliderState
     sensors: Mapping[str, Sensor] | None = None
     funnel: Funnel | None = None
+    water: Water | None = None
 
     def __check_init__(self) -> None:
         check_sensors(self.sensors)

@@ -13,6 +13,7 @@ from jaxglider.metrics import Sums
 from jaxglider.performance import Bound
 from jaxglider.scenario import Scenario
 from jaxglider.signals import BodyAxes, Channels, Command, GliderState, each
+from jaxglider.vehicle.water import derivative_in_water
 
 
 class Carry(eqx.Module):
@@ -64,7 +65,16 @@ def integrate(
         def derivative(at: GliderState, node: Scalar) -> GliderState:
             share = (number + node) / substeps
             force = each(lambda f, k: f + share * k, given.force_start, slope)
-            return scenario.plant.derivative(at, applied, force)
+            if scenario.water is None:
+                return scenario.plant.derivative(at, applied, force)
+            return derivative_in_water(
+                scenario.plant,
+                scenario.water,
+                at,
+                applied,
+                force,
+                given.time + share * scenario.clock.dt,
+            )
 
         step = scenario.clock.dt / substeps
         return runge_kutta_step(RK4, derivative, s, step), None
