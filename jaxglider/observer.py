@@ -84,7 +84,12 @@ class NoObserver(AbstractObserver):
 
 
 class ObserverState(eqx.Module):
-    """Attributes: velocity ϖ [m/s, rad/s] and disturbance d̂ [N, N m], body frame."""
+    """What the observer believes.
+
+    Attributes:
+        velocity: ϖ [m/s, rad/s], body frame.
+        disturbance: d̂ [N, N m], body frame.
+    """
 
     velocity: BodyAxes[Scalar]
     disturbance: BodyAxes[Scalar]

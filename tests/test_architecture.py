@@ -30,6 +30,8 @@ LAYERS = (
         "scenario",
         "tick",
         "rollout",
+        "autopilot",
+        "guard",
         "trajectory",
         "ensemble",
         "uncertainty",

@@ -108,7 +108,12 @@ class Leg(eqx.Module):
 
 
 class PlannedTick(eqx.Module):
-    """Attributes: time [s] and the vertical schedule at that time."""
+    """What is known of a tick beforehand.
+
+    Attributes:
+        time: start of the tick [s].
+        vertical: the vertical schedule at that time.
+    """
 
     time: jax.Array
     vertical: Segment

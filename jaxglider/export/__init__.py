@@ -1,0 +1,1 @@
+"""The tuned autopilot as C99, generated from the trace of what was tuned."""

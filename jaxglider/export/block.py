@@ -1,0 +1,162 @@
+"""Scalars of a C function and the statements that compute them.
+
+Every statement defines new names and changes nothing else, so equal statements can be
+shared and unused ones left out. What is known when the code is written is folded.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+C_TYPES = {
+    "real": "glider_real",
+    "bool": "bool",
+    "int32": "int32_t",
+    "int64": "int64_t",
+    "uint32": "uint32_t",
+    "uint64": "uint64_t",
+}
+"""Kinds of scalars and their types in C."""
+
+
+class ExportError(ValueError):
+    """Something cannot be written as C; the message names it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Number:
+    """One scalar.
+
+    Attributes:
+        kind: one of `C_TYPES`.
+        text: a name or a literal.
+        varies: it depends on a state or an input, not on parameters alone.
+        value: what it is, where that is known now.
+    """
+
+    kind: str
+    text: str
+    varies: bool = False
+    value: Any = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Statement:
+    """One line of C that defines names.
+
+    Attributes:
+        defines: names and kinds.
+        text: the line, without its indentation.
+        uses: names it needs.
+        operation: what it does, for the count of operations.
+        varies: see `Number`.
+    """
+
+    defines: tuple[tuple[str, str], ...]
+    text: str
+    uses: tuple[str, ...]
+    operation: str
+    varies: bool
+
+
+class Block:
+    """The statements of one C function, in order.
+
+    Attributes:
+        of_one_precision: the function is written once for each floating format.
+        statements: so far.
+    """
+
+    def __init__(self, *, of_one_precision: bool = False) -> None:
+        self.of_one_precision = of_one_precision
+        self.statements: list[Statement] = []
+        self._seen: dict[tuple[str, str], tuple[Number, ...]] = {}
+
+    def compute(
+        self, kind: str, text: str, operands: Sequence[Number], operation: str
+    ) -> Number:
+        """A new scalar from an expression, or the one that already has it.
+
+        Args:
+            kind: of the result.
+            text: the expression, its operands already in it.
+            operands: what it is computed from.
+            operation: what it does.
+        """
+        key = (kind, text)
+        if key not in self._seen:
+            varies = any(x.varies for x in operands)
+            name = f"v{len(self.statements)}"
+            line = f"const {C_TYPES[kind]} {name} = {text};"
+            self._add(((name, kind),), line, operands, operation, varies)
+            self._seen[key] = (Number(kind, name, varies),)
+        return self._seen[key][0]
+
+    def call(
+        self, function: str, kinds: Sequence[str], operands: Sequence[Number]
+    ) -> tuple[Number, ...]:
+        """The results of a function that takes scalars and writes to addresses."""
+        given = ", ".join(x.text for x in operands)
+        key = (function, given)
+        if key not in self._seen:
+            varies = any(x.varies for x in operands)
+            stem = f"v{len(self.statements)}"
+            names = [f"{stem}_{n}" for n in range(len(kinds))]
+            declared = " ".join(
+                f"{C_TYPES[k]} {n};" for k, n in zip(kinds, names, strict=True)
+            )
+            addresses = ", ".join(f"&{n}" for n in names)
+            separator = ", " if given else ""
+            line = f"{declared} {function}({given}{separator}{addresses});"
+            defines = tuple(zip(names, kinds, strict=True))
+            self._add(defines, line, operands, f"call {function}", varies)
+            self._seen[key] = tuple(Number(k, n, varies) for n, k in defines)
+        return self._seen[key]
+
+    def load(self, kind: str, name: str, text: str) -> Number:
+        """A field of a structure, read before anything is written."""
+        line = f"const {C_TYPES[kind]} {name} = {text};"
+        self._add(((name, kind),), line, (), "load", True)
+        return Number(kind, name, True)
+
+    def _add(
+        self,
+        defines: tuple[tuple[str, str], ...],
+        text: str,
+        operands: Sequence[Number],
+        operation: str,
+        varies: bool,
+    ) -> None:
+        uses = tuple(x.text for x in operands if x.value is None)
+        self.statements.append(Statement(defines, text, uses, operation, varies))
+
+    def needed(self, results: Sequence[Number]) -> list[Statement]:
+        """The statements that the results depend on."""
+        wanted = {x.text for x in results}
+        kept = []
+        for statement in reversed(self.statements):
+            if any(name in wanted for name, _ in statement.defines):
+                wanted.update(statement.uses)
+                kept.append(statement)
+        return kept[::-1]
+
+
+def literal(value: Any, kind: str) -> Number:
+    """A number that is known now."""
+    if kind == "bool":
+        return Number(kind, "true" if value else "false", False, np.bool_(value))
+    if kind != "real":
+        whole = np.dtype(kind).type(value)
+        return Number(
+            kind, f"{C_TYPES[kind].upper()[:-2]}_C({int(whole)})", False, whole
+        )
+    given = float(value)
+    if np.isnan(given):
+        text = "NAN"
+    elif np.isinf(given):
+        text = "INFINITY" if given > 0 else "-INFINITY"
+    else:
+        text = repr(given)
+    return Number(kind, f"REAL({text})", False, value)

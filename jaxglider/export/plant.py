@@ -1,0 +1,131 @@
+"""The simulated glider, in JAX and as C, to close the loop around exported code."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxglider._types import Scalar
+from jaxglider.export.c_code import (
+    CONSTANTS,
+    Source,
+    check_precision,
+    header_text,
+    source_text,
+)
+from jaxglider.export.c_source import Argument, Structure, write_function
+from jaxglider.export.outlined import Functions
+from jaxglider.rollout import ClosedLoop
+from jaxglider.signals import BodyAxes, Command, GliderState, zeros
+from jaxglider.tick import TickInput, integrate
+from jaxglider.vehicle.actuators import follow_all
+
+
+class Afloat(eqx.Module):
+    """The simulated glider between two ticks.
+
+    Attributes:
+        held: where the actuators are [kg, m, rad].
+        time: since the start [s].
+    """
+
+    state: GliderState
+    held: Command[Scalar]
+    time: Scalar
+
+
+def plant_source(loop: ClosedLoop, about: str) -> Source:
+    """The simulated glider as plant.h and plant.c: for tests only.
+
+    Args:
+        loop: the closed loop, in double precision.
+        about: a line for the head of the files.
+    """
+    check_precision(loop.scenario.plant)
+    scenario = loop.scenario
+    example = Afloat(
+        scenario.initial_state,
+        zeros(Command, scenario.clock.dt),
+        jnp.zeros_like(scenario.clock.dt),
+    )
+    force = zeros(BodyAxes, scenario.clock.dt)
+    made = {
+        "parameters": Structure(
+            "plant_parameters",
+            "The true glider.",
+            (scenario.plant, scenario.actuators, scenario.clock.dt),
+        ),
+        "state": Structure(
+            "plant_state", "The glider between two ticks.", example, hidden=("state",)
+        ),
+        "command": Structure("plant_command", "Asked for.", example.held),
+        "force": Structure(
+            "plant_force", "External force [N] and moment [N m], body frame.", force
+        ),
+    }
+
+    def init(p: Any) -> Afloat:
+        return example
+
+    def step(p: Any, now: Afloat, wanted: Command[Scalar], f: Any) -> Afloat:
+        return drift(loop, p, now, wanted, f)
+
+    shared = Functions()
+    parameters = (CONSTANTS["plant"], made["parameters"].example)
+    state = made["state"]
+    functions = {
+        "plant_init": write_function(
+            "plant_init",
+            "The glider at the start.",
+            init,
+            parameters,
+            [Argument("state", state, reads=False, writes=True)],
+            shared,
+        ),
+        "plant_step": write_function(
+            "plant_step",
+            "One tick under a command and a constant force.",
+            step,
+            parameters,
+            [
+                Argument("state", state, writes=True),
+                Argument("command", made["command"]),
+                Argument("force", made["force"]),
+            ],
+            shared,
+        ),
+    }
+    return Source(
+        header_text("plant", about, made, functions),
+        source_text("plant", about, made["parameters"].example, functions, shared),
+        functions,
+        shared,
+        made,
+    )
+
+
+def drift(
+    loop: ClosedLoop,
+    truth: Any,
+    now: Afloat,
+    wanted: Command[Scalar],
+    force: BodyAxes[Scalar],
+) -> Afloat:
+    """The glider one tick later, under a constant force.
+
+    Args:
+        loop: which glider.
+        truth: plant, actuators and tick.
+        now: where it is.
+        wanted: command given to the actuators.
+        force: on it [N, N m].
+    """
+    plant, actuators, dt = truth
+    clock = dataclasses.replace(loop.scenario.clock, dt=dt)
+    scenario = dataclasses.replace(loop.scenario, plant=plant, clock=clock)
+    applied = follow_all(actuators, now.held, wanted, dt, now.time)
+    given = TickInput(now.time, force, force, None, None)
+    return Afloat(
+        integrate(scenario, now.state, applied, given), applied, now.time + dt
+    )

@@ -1,0 +1,159 @@
+"""Test vectors: what goes into the autopilot tick by tick, and what comes out of it.
+
+`fly` closes the loop around the simulated glider, `replay` feeds measurements that are
+given. `broken` spoils measurements the way sensors, clocks and links do.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from jaxglider._types import Scalar, Series
+from jaxglider.autopilot import Autopilot, AutopilotState
+from jaxglider.export.plant import Afloat, drift
+from jaxglider.rollout import ClosedLoop
+from jaxglider.signals import BodyAxes, Command, GliderState, each, zeros
+
+
+class Seen(eqx.Module):
+    """One tick of an autopilot; a run is this with a leading time axis.
+
+    Attributes:
+        time: reading of the clock [s].
+        measured: measurement.
+        planned: what the task asks for.
+        command: what the autopilot commands.
+        status: its status word.
+    """
+
+    time: Scalar
+    measured: GliderState
+    planned: Any
+    command: Command[Scalar]
+    status: jax.Array
+
+
+def _tick(
+    pilot: Autopilot, state: AutopilotState, time: Scalar, measured: GliderState
+) -> tuple[AutopilotState, Seen]:
+    planned = pilot.plan(state, time)
+    after, command, status = pilot.step(state, time, measured, planned)
+    return after, Seen(time, measured, planned, command, status)
+
+
+@jax.jit
+def replay(pilot: Autopilot, times: Series, measured: GliderState) -> Seen:
+    """What an autopilot makes of measurements that are given.
+
+    Args:
+        pilot: the autopilot, from its initial state on.
+        times: readings of its clock [s].
+        measured: measurement at each of them.
+    """
+
+    def tick(state: AutopilotState, given: Any) -> tuple[AutopilotState, Seen]:
+        return _tick(pilot, state, *given)
+
+    return lax.scan(tick, pilot.init(), (times, measured))[1]
+
+
+@jax.jit
+def fly(pilot: Autopilot, loop: ClosedLoop, forces: BodyAxes[Series]) -> Seen:
+    """The autopilot steering the glider of a closed loop.
+
+    Args:
+        pilot: the autopilot.
+        loop: gives the glider.
+        forces: external force of each tick, constant within it [N, N m].
+    """
+    scenario = loop.scenario
+    truth = scenario.plant, scenario.actuators, scenario.clock.dt
+    clock = scenario.clock.dt
+    start = Afloat(scenario.initial_state, zeros(Command, clock), jnp.zeros_like(clock))
+    times = jnp.arange(forces.surge.shape[0], dtype=clock.dtype) * clock
+
+    def tick(carry: Any, given: Any) -> tuple[Any, Seen]:
+        (state, afloat), (time, force) = carry, given
+        after, seen = _tick(pilot, state, time, afloat.state)
+        return (after, drift(loop, truth, afloat, seen.command, force)), seen
+
+    return lax.scan(tick, (pilot.init(), start), (times, forces))[1]
+
+
+def sea(loop: ClosedLoop, ticks: int, hold: int = 1) -> BodyAxes[Series]:
+    """The force on each tick, that of the mission held constant over some ticks.
+
+    Args:
+        loop: gives the disturbance, drawn with seed 0.
+        ticks: how many.
+        hold: ticks over which the force is constant.
+    """
+    clock = dataclasses.replace(loop.scenario.clock, ticks=ticks)
+    path = dataclasses.replace(loop.scenario, clock=clock).sea(jax.random.key(0))
+    return each(lambda f: jnp.repeat(f[:-1:hold], hold)[:ticks], path)
+
+
+def window(seen: Seen, ticks: int, targets: np.ndarray) -> slice:
+    """Ticks around the first change of target, or the first ones.
+
+    Args:
+        seen: a run.
+        ticks: how many.
+        targets: waypoint or segment of each tick.
+    """
+    changes = np.flatnonzero(np.diff(targets))
+    first = max(int(changes[0]) - ticks // 2, 0) if len(changes) else 0
+    first = min(first, max(seen.time.shape[0] - ticks, 0))
+    return slice(first, first + ticks)
+
+
+def broken(
+    times: np.ndarray, measured: GliderState, seed: int
+) -> tuple[np.ndarray, GliderState]:
+    """Measurements and clock spoiled in bursts, good again in between.
+
+    Args:
+        times: readings of the clock [s].
+        measured: measurements, with a leading time axis.
+        seed: of the faults.
+    """
+    draw = np.random.default_rng(seed)
+    count = len(times)
+    faulty = np.repeat(draw.random(-(-count // 20)) < 0.4, 20)[:count]
+    wild = np.array([np.nan, np.inf, -np.inf, 1e30, -1e30, 1e300, 1e-320, 0.0, 5e3])
+
+    def spoil(x: Any) -> np.ndarray:
+        hit = faulty & (draw.random(count) < 0.3)
+        return np.where(hit, draw.choice(wild, count), np.asarray(x))
+
+    clock = np.array(times, dtype=float)
+    step = np.median(np.diff(clock)) if count > 1 else 1.0
+    kinds = draw.integers(0, 12, count)
+    for n in np.flatnonzero(faulty):
+        clock[n] = _spoiled_clock(clock, int(n), int(kinds[n]), float(step), draw)
+    # Not `each`: a state refuses NaN where it is built.
+    return clock, jax.tree.map(spoil, measured)
+
+
+def _spoiled_clock(
+    clock: np.ndarray, n: int, kind: int, step: float, draw: np.random.Generator
+) -> float:
+    """One reading: missing, absurd, repeated, reversed, set forward, or right."""
+    before = clock[n - 1] if n else clock[n]
+    faults: Sequence[float] = (
+        np.nan,
+        np.inf,
+        1e30,
+        -1.0,
+        before,
+        before - 10.0 * draw.random(),
+        clock[n] + 100.0 * draw.random(),
+        clock[n] + 3 * step,
+    )
+    return float(faults[kind]) if kind < len(faults) else float(clock[n])

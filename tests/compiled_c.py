@@ -1,0 +1,91 @@
+"""The exported C code as Python functions, through gcc and ctypes."""
+
+import ctypes
+import shutil
+import subprocess
+
+import jax
+import numpy as np
+
+from jaxglider.export.c_code import STRICT, TEMPLATES
+
+COMPILER = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
+
+
+def compile_library(folder, sources, *flags):
+    """A shared library from texts of files; warnings are errors."""
+    folder.mkdir(parents=True, exist_ok=True)
+    given = {**sources, "glider_real.h": (TEMPLATES / "glider_real.h").read_text()}
+    for name, text in given.items():
+        (folder / name).write_text(text)
+    command = [COMPILER, *STRICT.split(), "-O2", "-fPIC", "-shared", *flags]
+    command += [name for name in given if name.endswith(".c")] + [
+        "-o",
+        "code.so",
+        "-lm",
+    ]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return ctypes.CDLL(str(folder / "code.so"))
+
+
+def structure(made, single=False):
+    """The ctypes twin of a structure of the exported code."""
+    kinds = {
+        "real": ctypes.c_float if single else ctypes.c_double,
+        "bool": ctypes.c_bool,
+        "int32": ctypes.c_int32,
+    }
+    fields = [
+        (f.name, kinds[f.kind] * f.size if f.shape else kinds[f.kind])
+        for f in made.fields()
+    ]
+    return type(made.name, (ctypes.Structure,), {"_fields_": fields})
+
+
+class Onboard:
+    """The compiled autopilot."""
+
+    def __init__(self, folder, source, *flags):
+        texts = {"glider.h": source.header, "glider.c": source.source}
+        self.code = compile_library(folder, texts, *flags)
+        single = "-DGLIDER_FLOAT" in flags
+        self.types = {k: structure(s, single) for k, s in source.structures.items()}
+        self.start()
+
+    def start(self):
+        self.state, self.reference, self.command = (
+            self.types[k]() for k in ("state", "reference", "command")
+        )
+        self.code.glider_init(ctypes.byref(self.state))
+
+    def tick(self, time, measured):
+        """Command and status for one measurement."""
+        given = self.types["measurement"](time, *measured)
+        point = ctypes.byref
+        self.code.glider_plan(point(self.state), point(given), point(self.reference))
+        self.code.glider_step(
+            point(self.state), point(given), point(self.reference), point(self.command)
+        )
+        return numbers(self.command)
+
+    def replay(self, times, measured):
+        """Commands and status words for a series of measurements."""
+        self.start()
+        rows = np.stack([np.asarray(x) for x in jax.tree.leaves(measured)], axis=1)
+        return np.array([self.tick(t, row) for t, row in zip(times, rows, strict=True)])
+
+
+def numbers(made):
+    """The fields of a ctypes structure, flat."""
+    values = []
+    for name, _ in made._fields_:
+        value = getattr(made, name)
+        values += list(value) if isinstance(value, ctypes.Array) else [value]
+    return [float(v) for v in values]
+
+
+def columns(seen):
+    """Commands and status words of a run in JAX, one row a tick."""
+    rows = [*jax.tree.leaves(seen.command), seen.status]
+    return np.stack([np.asarray(x, float) for x in rows], axis=1)
