@@ -1,5 +1,9 @@
 """The exported C code does what the traced function does, tick by tick."""
 
+import re
+import shutil
+import subprocess
+
 import compiled_c
 import jax
 import numpy as np
@@ -8,7 +12,10 @@ from compiled_c import Onboard, columns
 
 from jaxglider import paper
 from jaxglider.autopilot import autopilot
-from jaxglider.export.c_code import autopilot_source
+from jaxglider.export.bundle import bundle
+from jaxglider.export.c_code import STRICT, TEMPLATES, autopilot_source
+from jaxglider.export.columns import columns_text
+from jaxglider.export.plant import plant_source
 from jaxglider.export.vectors import broken, fly, replay, sea
 from jaxglider.guard import Guard, status_names
 
@@ -24,7 +31,7 @@ FUZZED = 17_000
 def course(request):
     """A case of the paper, and 800 s of what its sensors say."""
     loop = paper.make_loop(request.param, "printed", "fxtppc")
-    return request.param, loop, fly(autopilot(loop), loop, sea(loop, TICKS, hold=20))
+    return request.param, loop, fly(autopilot(loop), loop, sea(loop, TICKS, hold=20))[0]
 
 
 def _limits(loop):
@@ -58,3 +65,118 @@ def test_compiled_code_follows_the_trace_even_through_faults(course, name, tmp_p
     for commands in (double, expected):
         assert np.isfinite(commands).all()
         assert (np.abs(commands[:, :3]) <= limits * (1 + 1e-15)).all()
+    _fuzz_sanitized(tmp_path / "double", source, loop)
+
+
+def _fuzz_sanitized(folder, source, loop):
+    """The fuzzer in C under sanitizers, in the folder with the sources."""
+    plant = plant_source(loop, "test")
+    (folder / "columns.h").write_text(columns_text(source, plant, "test", {}))
+    (folder / "fuzz.c").write_text((TEMPLATES / "fuzz.c").read_text())
+    flags = "-g -fsanitize=address,undefined -fno-sanitize-recover=all"
+    done = subprocess.run(
+        f"{compiled_c.COMPILER} {STRICT} {flags} fuzz.c glider.c -o fuzz -lm".split(),
+        cwd=folder,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    ran = subprocess.run(
+        ["./fuzz", "20000"], cwd=folder, capture_output=True, text=True
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert re.search(r"20000 ticks, [1-9]\d{3,} of them spoilt", ran.stdout)
+
+
+@pytest.fixture(scope="module")
+def folder(course, tmp_path_factory):
+    """An export as a user gets it."""
+    scenario, loop, _ = course
+    made = tmp_path_factory.mktemp(scenario)
+    bundle(loop, f"fxtppc, {scenario}").write(made)
+    return scenario, made
+
+
+def _make(folder, *targets):
+    return subprocess.run(
+        ["make", *targets], cwd=folder, capture_output=True, text=True
+    )
+
+
+needs_make = pytest.mark.skipif(
+    compiled_c.COMPILER is None or shutil.which("make") is None,
+    reason="no make or no C compiler on this machine",
+)
+
+
+@needs_make
+def test_make_builds_and_passes_in_both_precisions(folder):
+    _, where = folder
+    done = _make(where)
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = re.findall(r"(\w+) +test/(\w+)\.csv +(\d+) ticks.*: (\w+)", done.stdout)
+    assert found == [
+        ("double", "vectors", "1000", "pass"),
+        ("double", "faults", "1000", "pass"),
+        ("double", "closed_loop", "16000", "pass"),
+        ("float", "vectors", "1000", "pass"),
+        ("float", "closed_loop", "16000", "pass"),
+    ]
+
+
+@needs_make
+@pytest.mark.parametrize("what", ["gain", "vector", "path"])
+def test_make_fails_where_code_and_vectors_differ(folder, what, tmp_path):
+    where = tmp_path / "spoilt"
+    shutil.copytree(folder[1], where)
+    name, place = {
+        "gain": ("glider.c", 0),
+        "vector": ("test/vectors.csv", -3),
+        "path": ("test/closed_loop.csv", 8),
+    }[what]
+    text = (where / name).read_text()
+    if what == "gain":
+        changed = text.replace("pitch_k1 = REAL(0.01)", "pitch_k1 = REAL(0.0100001)")
+    else:
+        lines = text.splitlines()
+        cells = lines[500].split(",")
+        cells[place] = repr(float(cells[place]) * (1 + 1e-8))
+        lines[500] = ",".join(cells)
+        changed = "\n".join(lines)
+    assert changed != text
+    (where / name).write_text(changed)
+    done = _make(where, "parity_double")
+    assert done.returncode == 0
+    ran = subprocess.run(["./parity_double"], cwd=where, capture_output=True, text=True)
+    assert ran.returncode == 1
+    assert "FAIL" in ran.stdout
+
+
+def test_vectors_hold_a_restart_of_the_funnel_and_faults(folder):
+    scenario, where = folder
+    rows = np.genfromtxt(where / "test/vectors.csv", delimiter=",", names=True)
+    assert len(rows) == 1000
+    numbers = rows["number" if scenario == "switching" else "vertical_number"]
+    if scenario == "switching":
+        assert set(numbers) == {0, 1}
+    faults = np.genfromtxt(where / "test/faults.csv", delimiter=",", names=True)
+    assert np.isnan(faults["depth"]).any()
+    read = faults["time"][np.isfinite(faults["time"])]
+    assert (np.diff(read) <= 0).any()
+    assert (faults["status"] > 0).sum() > 100
+
+
+@needs_make
+@pytest.mark.parametrize("course", ["waypoints"], indirect=True)
+@pytest.mark.skipif(shutil.which("valgrind") is None, reason="no valgrind")
+def test_valgrind_finds_nothing(folder):
+    done = _make(folder[1], "valgrind")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@needs_make
+@pytest.mark.parametrize("course", ["waypoints"], indirect=True)
+def test_single_precision_survives_the_fuzzer_under_sanitizers(folder):
+    done = _make(folder[1], "sanitize")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("150000 ticks") == 2

@@ -6,7 +6,7 @@ elementwise primitives of `operations`, the rearrangements of `shapes`, nested c
 `cond`, and `scan` of a fixed number of steps; anything else is refused by name.
 
 Calls that come again and again become functions of their own. The elementary functions
-of `numerics` depend on the floating format and are written for both.
+of `elementary` depend on the floating format and are written for both.
 """
 
 from collections.abc import Callable, Sequence

@@ -30,6 +30,8 @@ class Seen(eqx.Module):
         planned: what the task asks for.
         command: what the autopilot commands.
         status: its status word.
+        segment: sum of the numbers of segment and waypoint: it changes where a funnel
+            restarts.
     """
 
     time: Scalar
@@ -37,6 +39,7 @@ class Seen(eqx.Module):
     planned: Any
     command: Command[Scalar]
     status: jax.Array
+    segment: jax.Array
 
 
 def _tick(
@@ -44,7 +47,13 @@ def _tick(
 ) -> tuple[AutopilotState, Seen]:
     planned = pilot.plan(state, time)
     after, command, status = pilot.step(state, time, measured, planned)
-    return after, Seen(time, measured, planned, command, status)
+    whole = [
+        x
+        for x in jax.tree.leaves((planned, after.reference))
+        if jnp.issubdtype(x.dtype, jnp.integer)
+    ]
+    segment = jnp.asarray(sum(whole, 0), jnp.int32)
+    return after, Seen(time, measured, planned, command, status, segment)
 
 
 @jax.jit
@@ -64,13 +73,18 @@ def replay(pilot: Autopilot, times: Series, measured: GliderState) -> Seen:
 
 
 @jax.jit
-def fly(pilot: Autopilot, loop: ClosedLoop, forces: BodyAxes[Series]) -> Seen:
+def fly(
+    pilot: Autopilot, loop: ClosedLoop, forces: BodyAxes[Series]
+) -> tuple[Seen, GliderState]:
     """The autopilot steering the glider of a closed loop.
 
     Args:
         pilot: the autopilot.
         loop: gives the glider.
         forces: external force of each tick, constant within it [N, N m].
+
+    Returns:
+        The ticks, and the glider's state at the end of each.
     """
     scenario = loop.scenario
     truth = scenario.plant, scenario.actuators, scenario.clock.dt
@@ -78,10 +92,11 @@ def fly(pilot: Autopilot, loop: ClosedLoop, forces: BodyAxes[Series]) -> Seen:
     start = Afloat(scenario.initial_state, zeros(Command, clock), jnp.zeros_like(clock))
     times = jnp.arange(forces.surge.shape[0], dtype=clock.dtype) * clock
 
-    def tick(carry: Any, given: Any) -> tuple[Any, Seen]:
+    def tick(carry: Any, given: Any) -> tuple[Any, Any]:
         (state, afloat), (time, force) = carry, given
         after, seen = _tick(pilot, state, time, afloat.state)
-        return (after, drift(loop, truth, afloat, seen.command, force)), seen
+        following = drift(loop, truth, afloat, seen.command, force)
+        return (after, following), (seen, following.state)
 
     return lax.scan(tick, (pilot.init(), start), (times, forces))[1]
 
@@ -99,17 +114,17 @@ def sea(loop: ClosedLoop, ticks: int, hold: int = 1) -> BodyAxes[Series]:
     return each(lambda f: jnp.repeat(f[:-1:hold], hold)[:ticks], path)
 
 
-def window(seen: Seen, ticks: int, targets: np.ndarray) -> slice:
-    """Ticks around the first change of target, or the first ones.
+def window(seen: Seen, ticks: int) -> slice:
+    """Ticks around the first restart of the funnel, or the first ones.
 
     Args:
         seen: a run.
         ticks: how many.
-        targets: waypoint or segment of each tick.
     """
-    changes = np.flatnonzero(np.diff(targets))
-    first = max(int(changes[0]) - ticks // 2, 0) if len(changes) else 0
-    first = min(first, max(seen.time.shape[0] - ticks, 0))
+    last = seen.time.shape[0] - ticks
+    restarts = np.flatnonzero(np.diff(np.asarray(seen.segment)))
+    first = int(restarts[0]) - ticks // 2 if len(restarts) else 0
+    first = max(min(first, last), 0)
     return slice(first, first + ticks)
 
 

@@ -1,0 +1,114 @@
+"""What test programs need to know of an export: the columns of their files."""
+
+from collections.abc import Mapping, Sequence
+
+from jaxglider.export.c_code import Source
+from jaxglider.export.c_source import Structure
+from jaxglider.export.fields import Field
+
+FLOAT_ALLOWANCES = {"COMMAND_FLOAT": 5e-2, "STATE_FLOAT": 2e-2}
+"""What single precision may differ by; see the text of `parity.c`."""
+
+
+def columns_text(
+    source: Source, plant: Source, about: str, rows: Mapping[str, int]
+) -> str:
+    """The text of columns.h.
+
+    Args:
+        source: the autopilot.
+        plant: the simulated glider.
+        about: a line for the head of the file.
+        rows: how many rows of each file can be compared, by name.
+    """
+    made = source.structures
+    counts = {
+        name.upper(): _count(made[name])
+        for name in ("measurement", "reference", "command")
+    }
+    counts["ROW"] = sum(counts.values())
+    counts["STATE"] = 12
+    counts["FORCE"] = 6
+    counts["CLOSED"] = 18
+    lines = [f"#define {name}_COLUMNS {count}" for name, count in counts.items()]
+    lines += [f"#define {name} {value!r}" for name, value in FLOAT_ALLOWANCES.items()]
+    lines += [f"#define {name}_ROWS {count}" for name, count in rows.items()]
+    defines = "\n".join(lines)
+    return f"""/* {about} */
+#ifndef COLUMNS_H
+#define COLUMNS_H
+
+#include "glider.h"
+
+{defines}
+
+{_reader("read_measurement", made["measurement"], "glider_measurement")}
+{_writer("write_reference", made["reference"], "glider_reference")}
+{_writer("write_command", made["command"], "glider_command")}
+{_limits(made["parameters"].fields())}
+{_spoiler(made["reference"])}
+#ifdef PLANT_H
+{_reader("read_force", plant.structures["force"], "plant_force")}
+{_plant(plant.structures["state"].fields())}
+#endif
+#endif
+"""
+
+
+def _count(made: Structure) -> int:
+    return sum(f.size for f in made.fields())
+
+
+def _body(signature: str, lines: Sequence[str]) -> str:
+    inside = "\n".join(f"    {line}" for line in lines)
+    return f"static inline void {signature}\n{{\n{inside}\n}}\n"
+
+
+def _reader(name: str, made: Structure, kind: str) -> str:
+    casts = {"real": "(glider_real)", "int32": "(int32_t)", "bool": "0.0 != "}
+    lines, at = [], 0
+    for field in made.fields():
+        for place in field.places("to->"):
+            lines.append(f"{place} = {casts[field.kind]}row[{at}];")
+            at += 1
+    return _body(f"{name}(const double *row, {kind} *to)", lines)
+
+
+def _writer(name: str, made: Structure, kind: str) -> str:
+    places = [p for field in made.fields() for p in field.places("from->")]
+    lines = [f"row[{n}] = (double){place};" for n, place in enumerate(places)]
+    lines = lines or ["(void)from;", "(void)row;"]
+    return _body(f"{name}(const {kind} *from, double *row)", lines)
+
+
+def _limits(parameters: Sequence[Field]) -> str:
+    names = [
+        f.name
+        for f in parameters
+        if f.name.startswith("actuators_")
+        and f.name.endswith("_limit")
+        and "_rate_" not in f.name
+    ]
+    lines = [f"row[{n}] = (double)glider_gains.{name};" for n, name in enumerate(names)]
+    return _body("write_limits(double *row)", [*lines, "row[3] = 1.0;"])
+
+
+def _spoiler(made: Structure) -> str:
+    reals = [f for f in made.fields() if f.kind == "real" and not f.shape]
+    lines = [f"to->{reals[-1].name} = value;"] if reals else ["(void)to; (void)value;"]
+    return _body(
+        "spoil_reference(glider_reference *to, const glider_real value)", lines
+    )
+
+
+def _plant(state: Sequence[Field]) -> str:
+    names = [f.name for f in state[:12]]
+    commands = ("buoyancy_mass", "mass_position", "mass_angle")
+    measure = [f"to->{n} = from->{n};" for n in names]
+    write = [f"row[{k}] = (double)from->{n};" for k, n in enumerate(names)]
+    steer = [f"to->{n} = from->{n};" for n in commands]
+    return (
+        _body("measure(const plant_state *from, glider_measurement *to)", measure)
+        + _body("write_state(const plant_state *from, double *row)", write)
+        + _body("steer(const glider_command *from, plant_command *to)", steer)
+    )
