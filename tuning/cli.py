@@ -160,6 +160,13 @@ def _precision_of(folder: Path) -> int:
         return 64
 
 
+def _export(options: argparse.Namespace) -> int:
+    start_jax(64)
+    from tuning.export import export
+
+    return export(options)
+
+
 def _init(options: argparse.Namespace) -> int:
     start_jax(64)
     from jaxglider import _uncertainty, config
@@ -218,6 +225,7 @@ def _trim(options: argparse.Namespace) -> int:
 _COMMANDS = {
     "compare": _compare,
     "simulate": _simulate,
+    "export": _export,
     "tune": _tune,
     "check-gradients": _check,
     "sweep": _sweep,

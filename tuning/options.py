@@ -12,6 +12,7 @@ from tuning.arguments import (
     add_dt,
     seed,
 )
+from tuning.export_options import add_controller_binary, add_export
 from tuning.sweep.options import add_merge, add_rerun, add_sweep
 from tuning.trim_options import add_trim, add_vehicles
 from tuning.tune_options import add_check, add_tune
@@ -35,6 +36,7 @@ def parser() -> argparse.ArgumentParser:
     add_merge(commands)
     add_rerun(commands)
     _add_simulate(commands)
+    add_export(commands)
     _add_init(commands)
     _add_validate(commands)
     _add_cache(commands)
@@ -99,6 +101,7 @@ def _add_simulate(commands: Any) -> None:
     parser.add_argument(
         "--seed", type=seed, metavar="N", help="of the sea, instead of the file's"
     )
+    add_controller_binary(parser)
     add_common(parser, "results/simulate")
 
 

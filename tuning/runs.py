@@ -13,7 +13,8 @@ import jax
 
 from jaxglider import paper
 from jaxglider._toml import read_toml
-from jaxglider.config import load_mission, start_warnings
+from jaxglider.config import Mission, load_mission, start_warnings
+from jaxglider.guard import status_names
 from jaxglider.io import (
     metrics_dict,
     provenance,
@@ -22,6 +23,8 @@ from jaxglider.io import (
     write_text,
     write_trajectories,
 )
+from jaxglider.observer import NoObserver
+from jaxglider.pipe import Peer, PipeController
 from jaxglider.plotting import save_all
 from jaxglider.rollout import ClosedLoop, simulate
 from jaxglider.trajectory import Trajectory
@@ -114,10 +117,34 @@ def simulate_mission(options: argparse.Namespace) -> int:
     for warning in start_warnings(mission.loop):
         note(f"warning: {warning}")
     seed = mission.seed if options.seed is None else options.seed
+    if options.controller_binary is not None:
+        return _simulate_outside(options, mission, seed)
     entry = Entry(
         mission.name, mission.plant, mission.controller, mission.loop, published=False
     )
     done, interrupted = run_all([entry], seed=seed)
+    return _report(options, done, interrupted, seed)
+
+
+def _simulate_outside(options: argparse.Namespace, mission: Mission, seed: int) -> int:
+    """The same with a program in the place of controller and observer."""
+    loop = mission.loop
+    dt = float(loop.scenario.clock.dt)
+    peer = Peer([options.controller_binary], dt, options.controller_timeout)
+    try:
+        outside = PipeController(getattr(loop.controller, "funnel", None), peer)
+        loop = ClosedLoop(loop.scenario, outside, NoObserver())
+        name = Path(options.controller_binary).name
+        entry = Entry(mission.name, mission.plant, name, loop, published=False)
+        done, interrupted = run_all([entry], seed=seed)
+        if peer.failure is not None:
+            note(f"{peer.failure} Nothing is written.")
+            return RUN_FAILED
+    finally:
+        peer.close()
+    for word, count in sorted(peer.statuses.items()):
+        said = ", ".join(status_names(word)) or "unknown"
+        note(f"status {word} on {count} ticks: {said}.")
     return _report(options, done, interrupted, seed)
 
 

@@ -15,7 +15,9 @@ import numpy as np
 from jaxglider.autopilot import Autopilot, autopilot
 from jaxglider.export.c_code import TEMPLATES, Source, autopilot_source
 from jaxglider.export.columns import columns_text
+from jaxglider.export.cost import Cost, cost_of
 from jaxglider.export.plant import plant_source
+from jaxglider.export.readme import readme_text
 from jaxglider.export.vectors import Seen, broken, fly, replay, sea, window
 from jaxglider.guard import Guard
 from jaxglider.io import write_text
@@ -34,11 +36,11 @@ class Bundle:
 
     Attributes:
         files: texts by name, relative to the folder.
-        source: the autopilot.
+        cost: what a tick takes.
     """
 
     files: dict[str, str]
-    source: Source
+    cost: Cost
 
     def write(self, folder: Path) -> None:
         """Write all files.
@@ -80,7 +82,9 @@ def bundle(loop: ClosedLoop, title: str, guard: Guard | None = None) -> Bundle:
         files[name] = (TEMPLATES / name).read_text()
     for name in ("parity.c", "fuzz.c", "tick_time.c"):
         files[f"test/{name}"] = (TEMPLATES / name).read_text()
-    return Bundle(files, source)
+    cost = cost_of(source)
+    files["README.md"] = readme_text(title, about, float(pilot.dt), cost, rows, HOLD)
+    return Bundle(files, cost)
 
 
 def vector_files(

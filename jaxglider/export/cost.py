@@ -1,0 +1,116 @@
+"""What a tick of the exported code costs: operations, bytes, and an estimate of time.
+
+Operations are counted in the statements that depend on state or inputs; what depends on
+gains alone is folded by the compiler. Times on a microcontroller are not measured: they
+are counts times cycles, with these cycles assumed.
+
+| operation | single precision in hardware | double precision in software |
+|---|---:|---:|
+| addition, subtraction, sign | 1 | 65 |
+| multiplication | 1 | 65 |
+| division, square root | 14 | 250 |
+| function of the C library | 100 | 1500 |
+| comparison, selection, minimum, floor | 3 | 30 |
+| integers, logic, bits | 1 | 1 |
+| loading and storing, for each of the above | 4 | 8 |
+
+The first column is a Cortex-M4F, whose manual gives 1 and 14; the rest, and the second
+column (a core without a unit for doubles), are round numbers for common libraries. Take
+the result as right to a factor of two.
+"""
+
+import dataclasses
+from collections import Counter
+from collections.abc import Iterable
+
+from jaxglider.export.block import Statement
+from jaxglider.export.c_code import Source
+
+_CLASSES = {
+    "additions": ("add", "sub", "neg", "abs"),
+    "multiplications": ("mul",),
+    "divisions and roots": ("div", "sqrt", "rem"),
+    "comparisons and selections": (
+        *("select", "max", "min", "sign", "floor", "ceil", "round", "clamp"),
+        *("eq", "ne", "lt", "le", "gt", "ge", "is_finite"),
+    ),
+    "logic and integers": ("and", "or", "xor", "not", "convert", "shift", "bits"),
+}
+_CYCLES = {
+    "additions": (1, 65),
+    "multiplications": (1, 65),
+    "divisions and roots": (14, 250),
+    "comparisons and selections": (3, 30),
+    "logic and integers": (1, 1),
+    "library functions": (100, 1500),
+}
+_MEMORY = (4, 8)
+MEGAHERTZ = 100.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Cost:
+    """What one tick costs, plan and step together.
+
+    Attributes:
+        operations: how many of each kind.
+        state_bytes: of the state in single and double precision.
+        constant_bytes: of gains and other constants, likewise.
+        microseconds: estimated at 100 MHz, likewise; see the module's text.
+    """
+
+    operations: dict[str, int]
+    state_bytes: tuple[int, int]
+    constant_bytes: tuple[int, int]
+    microseconds: tuple[float, float]
+
+
+def cost_of(source: Source) -> Cost:
+    """Count what one tick of an exported autopilot takes."""
+    inside = {
+        f.name: f.block.needed(f.results) for f in source.shared.outlined.values()
+    }
+    inside |= {
+        double.name: double.block.needed(double.results)
+        for double, _ in source.shared.elementary.values()
+    }
+    counts: Counter[str] = Counter()
+    for name in ("glider_plan", "glider_step"):
+        counts += _counted(source.functions[name].statements, inside)
+    cycles = [
+        sum(n * (_CYCLES[kind][at] + _MEMORY[at]) for kind, n in counts.items())
+        for at in (0, 1)
+    ]
+    made = source.structures
+
+    def size(name: str) -> tuple[int, int]:
+        return made[name].size(4), made[name].size(8)
+
+    return Cost(
+        {kind: counts[kind] for kind in _CYCLES},
+        size("state"),
+        size("parameters"),
+        (cycles[0] / MEGAHERTZ, cycles[1] / MEGAHERTZ),
+    )
+
+
+def _counted(
+    statements: Iterable[Statement], inside: dict[str, list[Statement]]
+) -> Counter[str]:
+    counts: Counter[str] = Counter()
+    for statement in statements:
+        if not statement.varies or statement.operation == "load":
+            continue
+        kind, _, function = statement.operation.partition(" ")
+        if kind == "call":
+            counts += _counted(inside[function], inside)
+        else:
+            counts[_class_of(kind)] += 1
+    return counts
+
+
+def _class_of(operation: str) -> str:
+    for name, members in _CLASSES.items():
+        if operation in members:
+            return name
+    return "library functions"
