@@ -85,7 +85,7 @@ def _loop(options: argparse.Namespace) -> tuple[ClosedLoop, str, dict[str, Any]]
     plant = options.plant or _known(origin, "plant", tuple(paper.PLANTS))
     (gains,) = resolve([options.gains], [options.controller], scenario, plant)
     setting = paper.make_scenario(scenario, plant, dt=options.dt or 0.05)
-    model = paper.design_model(setting.plant)  # type: ignore[arg-type]
+    model = paper.design_model(setting.plant)
     _, controller, observer = gains.load(scenario, model)
     about = _about(gains=gains.origin, scenario=scenario, plant=plant)
     title = f"{gains.label} for {scenario} on {plant}"
