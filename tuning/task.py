@@ -46,7 +46,7 @@ DEFAULT_FREE = {
 """Which numbers are tuned where the user does not say: all of the law's own."""
 
 DEFAULT_WEIGHTS = Weights(
-    tracking=(1.0, 1.5, 1.5), chattering=0.005, crowding=20.0, roll=5.0
+    tracking=(1.0, 1.5, 1.5), chattering=0.005, crowding=150.0, roll=5.0
 )
 """Tracking first, attitude before depth, which is won easily; the rest keeps it in the
 funnel, upright, and off the buzzer."""
