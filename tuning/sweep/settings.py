@@ -26,7 +26,6 @@ from jaxglider.quantities import uniform_uncertainty
 from jaxglider.rollout import ClosedLoop
 from jaxglider.scenario import Scenario
 from jaxglider.uncertainty import Uncertainty
-from jaxglider.vehicle.plant import SmallAnglePlant
 from tuning.gain_files import Gains, resolve
 from tuning.members import SWEEP
 
@@ -154,7 +153,6 @@ def build(settings: Settings) -> Campaign:
         settings.scenario, settings.plant, dt=settings.dt, duration=settings.duration
     )
     scenario = dataclasses.replace(scenario, funnel=paper.funnel(settings.scenario))
-    assert isinstance(scenario.plant, SmallAnglePlant)
     model = paper.design_model(scenario.plant)
     uncertainty = _uncertainty(settings.uncertainty, scenario)
     loaded = [gains.load(settings.scenario, model) for gains in settings.gains]
