@@ -110,6 +110,19 @@ def _drag(file):
     return names.index("drag")
 
 
+@pytest.mark.parametrize("design", ["latin-hypercube", "sobol"])
+def test_shards_of_every_design_are_the_whole(sweep, tmp_path, design):
+    base = RUN + f"--members 600 --design {design} --out "
+    for name, more in (("whole", ""), ("s1", " --shard 1/2"), ("s2", " --shard 2/2")):
+        assert sweep(base + name + more)[0] == 0
+    first, second, whole = (
+        (tmp_path / name / "rows.bin").read_bytes() for name in ("s1", "s2", "whole")
+    )
+    assert first + second == whole
+    assert sweep(RUN + "--members 600 --out random")[0] == 0
+    assert (tmp_path / "random/rows.bin").read_bytes() != whole
+
+
 def test_shards_and_resumed_campaigns_have_the_rows_of_the_whole(
     sweep, tmp_path, monkeypatch
 ):
@@ -273,7 +286,7 @@ def test_the_report_answers_in_tables_and_figures(sweep, tmp_path, monkeypatch):
         ("a/uncertainty-0.1", ("## ppc against smc", "`p_failure<1` | smc | met")),
     ):
         text = (tmp_path / folder / "report.md").read_text()
-        assert f"{k / n:.4g} [{low:.3g}, {high:.3g}]" in text
+        assert f"{k / n:.4g} [{low:.4g}, {high:.4g}]" in text
         for part in parts:
             assert part in text
         for name in re.findall(r"\]\(([^)]*)\)", text):

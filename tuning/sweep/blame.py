@@ -96,5 +96,8 @@ def sobol_figure(found: dict[str, Any]) -> Figure:
             for name in ("total", "first")
         }
         figures.bars(axis, [row["quantity"] for row in rows], groups, colours)
+        # Too few blocks give intervals that would dwarf every bar.
+        low, high = axis.get_xlim()
+        axis.set_xlim(max(low, -0.5), min(high, 1.5))
         legend_above(axis, axis.get_legend_handles_labels()[0])
     return figure

@@ -21,7 +21,7 @@ from jaxglider.uncertainty import Member, with_member
 from tuning.sweep.columns import flatten
 
 PIECE = 256
-"""Members in a piece: larger ones are no faster on a CPU, and take more memory."""
+"""Members in a piece: on a CPU 256 to 1024 are equally fast, 64 a tenth slower."""
 PIECE_ON_ACCELERATOR = 4096
 
 

@@ -126,10 +126,10 @@ def distributions(axes: Any, table: Table) -> Any:
 
 
 def _far(table: Table, channel: str, scale: float) -> float:
-    """Beyond what 99.5 % of the members come to, with the worst set of gains."""
+    """Beyond what 98 % of the members come to, with the worst set of gains."""
     ends = [
         np.sort(table.column(number, f"{channel}.rms_error"))[
-            int(0.995 * (len(table) - 1))
+            int(0.98 * (len(table) - 1))
         ]
         for number in range(len(table.labels))
     ]

@@ -179,7 +179,8 @@ def text_summary(summary: dict[str, Any]) -> str:
 
 def in_interval(found: dict[str, Any]) -> str:
     """A probability with its interval."""
-    return f"{found['p']:.4g} {brackets(found['interval'])}"
+    low, high = found["interval"]
+    return f"{found['p']:.4g} [{low:.4g}, {high:.4g}]"
 
 
 def _quantile(found: dict[str, Any]) -> str:
