@@ -1,6 +1,7 @@
 """Shared set-up: double precision, shape checks, and programs compiled only once."""
 
 import os
+import shutil
 import tempfile
 
 import pytest
@@ -61,3 +62,18 @@ def sweep(tmp_path, monkeypatch, capsys):
         return code, *capsys.readouterr()
 
     return run
+
+
+@pytest.fixture
+def kept(sweep, tmp_path, tmp_path_factory):
+    """Makes campaigns of the same options only once, then copies of them."""
+    from toy_campaign import RUN
+
+    def make(folder, options):
+        name = "".join(c if c.isalnum() else "-" for c in options)
+        first = tmp_path_factory.getbasetemp() / f"kept{name}"
+        if not first.exists():
+            assert sweep(f"{RUN} {options} --out {first}")[0] == 0
+        shutil.copytree(first, tmp_path / folder)
+
+    return make

@@ -188,9 +188,9 @@ def test_a_finished_campaign_is_not_computed_again(sweep, tmp_path, monkeypatch)
         ("--require roll.speed.q95<1", ("no measure 'roll.speed'", "max_roll")),
     ],
 )
-def test_what_cannot_be_run_is_refused(sweep, tmp_path, text, parts):
+def test_what_cannot_be_run_is_refused(sweep, kept, tmp_path, text, parts):
     (tmp_path / "u.toml").write_text("[[vehicles]]\nnames = 'all'\n")
-    assert sweep(RUN + "--members 600 --out a")[0] == 0
+    kept("a", "--members 600")
     before = (tmp_path / "a/rows.bin").read_bytes()
     code, out, err = sweep(RUN + text)
     assert (code, out) == (2, "")

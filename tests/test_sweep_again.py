@@ -18,9 +18,9 @@ from tuning.sweep.summary import ranked
 
 
 @pytest.fixture
-def shards(sweep):
+def shards(kept):
     for i in (1, 2, 3):
-        assert sweep(RUN + f"--members 1500 --out s{i} --shard {i}/3")[0] == 0
+        kept(f"s{i}", f"--members 1500 --shard {i}/3")
 
 
 def test_merged_shards_are_the_whole_campaign(sweep, shards, tmp_path):
@@ -58,10 +58,10 @@ def test_merged_shards_are_the_whole_campaign(sweep, shards, tmp_path):
         ("s1", ("--out",)),
     ],
 )
-def test_what_cannot_be_merged_is_refused(sweep, shards, tmp_path, text, parts):
-    assert sweep(RUN + "--members 1500 --out t")[0] == 0
-    assert sweep(RUN + "--members 20 --out u")[0] == 0
-    assert sweep(RUN + "--members 1500 --out half --shard 3/3")[0] == 0
+def test_what_cannot_be_merged_is_refused(sweep, kept, shards, tmp_path, text, parts):
+    kept("t", "--members 1500")
+    kept("u", "--members 20")
+    kept("half", "--members 1500 --shard 3/3")
     size = read_manifest(tmp_path / "half").row_type().itemsize
     with open(tmp_path / "half/rows.bin", "r+b") as file:
         file.truncate(400 * size)
@@ -125,9 +125,9 @@ def test_a_member_run_again_is_the_campaigns_own_bit_for_bit(
         ("rerun d", ("d holds no members yet",)),
     ],
 )
-def test_what_cannot_be_run_again_is_refused(sweep, tmp_path, text, parts):
+def test_what_cannot_be_run_again_is_refused(sweep, kept, tmp_path, text, parts):
     for name in "abd":
-        assert sweep(RUN + f"--members 20 --out {name}")[0] == 0
+        kept(name, "--members 20")
     manifest = tmp_path / "b/campaign.json"
     manifest.write_text(manifest.read_text().replace('"seed": 0', '"seed": 1'))
     (tmp_path / "c").mkdir()

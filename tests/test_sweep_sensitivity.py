@@ -113,7 +113,7 @@ def test_gradient_scores_are_differences_of_the_rollout():
             members=8,
             design="monte-carlo",
             uncertainty=0.2,
-            gains=resolve(["paper"], ["smc"]),
+            gains=resolve(["paper"], ["smc"], "switching", "printed"),
         )
     )
     scores = gradient_scores(campaign, 0, 1)
