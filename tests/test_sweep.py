@@ -157,6 +157,23 @@ def test_shards_and_resumed_campaigns_have_the_rows_of_the_whole(
     assert file.read_bytes() == whole
 
 
+def test_going_on_with_other_code_is_noticed(sweep, tmp_path, monkeypatch):
+    class Changed(Toy):
+        def run(self, members):
+            return super().run(members) * 1.5
+
+    assert sweep(RUN + "--members 1500 --out a")[0] == 0
+    whole = (tmp_path / "a/rows.bin").read_bytes()
+    half = whole[: len(whole) // 2]
+    for engine, noticed in ((Toy, False), (Changed, True)):
+        (tmp_path / "a/rows.bin").write_bytes(half)
+        monkeypatch.setattr(tuning.sweep.command, "Engine", engine)
+        code, _, err = sweep(RUN + "--members 1500 --out a --resume")
+        assert code == 0
+        assert ("comes out differently" in err) == noticed
+        assert (tmp_path / "a/rows.bin").read_bytes().startswith(half)
+
+
 def test_a_finished_campaign_is_not_computed_again(sweep, tmp_path, monkeypatch):
     assert sweep(RUN + "--members 600 --out a")[0] == 0
     monkeypatch.setattr(tuning.sweep.command, "Engine", None)

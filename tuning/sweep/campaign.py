@@ -80,6 +80,12 @@ def run_campaign(
         progress(store.count)
 
 
+def continues(campaign: Campaign, engine: Engine, store: Store, first: int) -> bool:
+    """Whether the last row of a store comes out the same again, bit for bit."""
+    last = compute(campaign, engine, first + store.count - 1, 1)
+    return last.tobytes() == store.rows()[-1:].tobytes()
+
+
 def enough(campaign: Campaign, store: Store) -> bool:
     """Whether every interval of leaving a funnel is as narrow as asked for."""
     wanted = campaign.settings.until_ci

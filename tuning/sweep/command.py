@@ -9,7 +9,7 @@ from typing import Any
 from jaxglider.io import provenance, write_json
 from tuning.progress import Progress, note
 from tuning.runs import check_writable, print_result
-from tuning.sweep.campaign import draw, run_campaign
+from tuning.sweep.campaign import continues, draw, run_campaign
 from tuning.sweep.columns import Table
 from tuning.sweep.drivers import drivers
 from tuning.sweep.engine import Engine
@@ -180,10 +180,21 @@ class _Work:
     def fill(self, store: Store, first: int, last: int) -> None:
         """Run what is missing of the members."""
         before, total = store.count, last - first
+
+        def engine() -> Engine:
+            made = self.engine()
+            if before and not continues(self._campaign, made, store, first):
+                note(
+                    f"{store.path}: its last row comes out differently here and now "
+                    "(other code, versions or hardware), so new rows will not quite "
+                    "match the old ones; --overwrite makes all anew."
+                )
+            return made
+
         try:
             run_campaign(
                 self._campaign,
-                self.engine,
+                engine,
                 store,
                 first,
                 last,

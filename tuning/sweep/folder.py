@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from tuning.progress import note
 from tuning.sweep.store import Manifest, read_manifest
 
 
@@ -26,12 +25,6 @@ def prepare(folder: Path, manifest: Manifest, *, resume: bool, overwrite: bool) 
                 f"({', '.join(_differences(kept, manifest))}); repeat those, or give "
                 "another folder."
             )
-        for key in ("versions", "hardware"):
-            if kept.about[key] != manifest.about[key]:
-                note(
-                    f"{folder} was begun with other {key}: new rows may differ from "
-                    "the old ones in their last bits."
-                )
         return
     for name in ("rows.bin", "sobol.bin"):
         (folder / name).unlink(missing_ok=True)
