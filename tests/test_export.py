@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import compiled_c
 import jax
@@ -10,14 +11,16 @@ import numpy as np
 import pytest
 from compiled_c import Onboard, columns
 
+import jaxglider
 from jaxglider import paper
 from jaxglider.autopilot import autopilot
-from jaxglider.export.bundle import bundle
+from jaxglider.export import export_c
 from jaxglider.export.c_code import STRICT, TEMPLATES, autopilot_source
 from jaxglider.export.columns import columns_text
 from jaxglider.export.plant import plant_source
 from jaxglider.export.vectors import broken, fly, replay, sea
 from jaxglider.guard import Guard, status_names
+from jaxglider.signals import GliderState, zeros
 
 needs_compiler = pytest.mark.skipif(
     compiled_c.COMPILER is None, reason="no C compiler on this machine"
@@ -93,8 +96,27 @@ def folder(course, tmp_path_factory):
     """An export as a user gets it."""
     scenario, loop, _ = course
     made = tmp_path_factory.mktemp(scenario)
-    bundle(loop, f"fxtppc, {scenario}").write(made)
+    export_c(loop, f"fxtppc, {scenario}").write(made)
     return scenario, made
+
+
+@needs_compiler
+def test_the_readmes_own_controller_exports_too(tmp_path):
+    readme = (Path(__file__).parents[1] / "README.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
+    (block,) = (b for b in blocks if "class Proportional" in b)
+    names = {"jaxglider": jaxglider, "loop": paper.make_loop("waypoints")}
+    exec(block.rsplit("print(", 1)[0], names)
+    pilot = autopilot(names["own"])
+    times = np.arange(1000) * 0.05
+    waves = np.sin(times[:, None] * np.arange(1, 13) / 7.0) / 3.0
+    rows = jax.tree.unflatten(jax.tree.structure(zeros(GliderState)), list(waves.T))
+    expected = columns(replay(pilot, times, rows))
+    source = autopilot_source(pilot, "my own")
+    assert "controller_gain_pitch" in source.header
+    found = Onboard(tmp_path, source).replay(times, rows)
+    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12)
+    assert np.ptp(expected[:, 0]) > 0.1
 
 
 def _make(folder, *targets):

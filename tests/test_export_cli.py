@@ -161,6 +161,10 @@ def test_a_program_steers_as_the_mission_itself_does(call, tmp_path, program):
     assert own["waypoints_reached"] == outside["waypoints_reached"] > 0
     for channel, measures in own["channels"].items():
         for name, value in measures.items():
+            if "saturat" in name:
+                # A program that keeps the limits never asks for more.
+                assert outside["channels"][channel][name] == 0.0
+                continue
             other = outside["channels"][channel][name]
             assert other == (
                 value if value is None else pytest.approx(value, rel=1e-9, abs=1e-12)

@@ -12,8 +12,8 @@ from jaxglider import paper
 from jaxglider._toml import ConfigError, read_toml
 from jaxglider.autopilot import autopilot
 from jaxglider.config import load_mission
+from jaxglider.export import export_c
 from jaxglider.export.block import ExportError
-from jaxglider.export.bundle import bundle
 from jaxglider.export.cost import Cost
 from jaxglider.export.hlo import stablehlo
 from jaxglider.gains import encode
@@ -130,7 +130,7 @@ def _files(
         return {"gains.toml": text}, None
     if options.format == "stablehlo":
         return {"gains.toml": text, **stablehlo(autopilot(loop, guard))}, None
-    made = bundle(loop, title, guard)
+    made = export_c(loop, title, guard)
     return {**made.files, "gains.toml": text}, made.cost
 
 

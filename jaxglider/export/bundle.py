@@ -52,7 +52,7 @@ class Bundle:
             write_text(folder / name, text)
 
 
-def bundle(loop: ClosedLoop, title: str, guard: Guard | None = None) -> Bundle:
+def export_c(loop: ClosedLoop, title: str, guard: Guard | None = None) -> Bundle:
     """The autopilot of a closed loop as C, its tests, and what they compare with.
 
     Args:

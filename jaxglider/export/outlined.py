@@ -65,6 +65,8 @@ def kind_of(dtype: Any) -> str:
 def trace(name: str, dtype: str, shape: tuple[int, ...] = ()) -> ClosedJaxpr:
     """The trace of one elementary function, without the call around it."""
     function = getattr(elementary, name)
+    for _ in shape:
+        function = jax.vmap(function)
     closed = jax.make_jaxpr(function)(jax.ShapeDtypeStruct(shape, dtype))
     (equation,) = closed.jaxpr.eqns
     return equation.params["call_jaxpr"]

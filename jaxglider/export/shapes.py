@@ -67,6 +67,8 @@ def rearranged(
         return _slice(x[0], params)
     if name == "concatenate":
         return np.concatenate(x, axis=params["dimension"])
+    if name == "stack":
+        return np.stack(x, axis=params["axis"])
     if name == "transpose":
         return np.transpose(x[0], params["permutation"])
     if name == "rev":
@@ -141,7 +143,7 @@ def gather(
         chosen = lax.gather_p.bind(
             numbering, place, mode=params["mode"], fill_value=-1, **settings
         )
-        return operand.ravel()[np.asarray(chosen)].reshape(shape)
+        return whole(list(operand.ravel()[np.ravel(chosen)]), shape)
 
     ranges = [operand.shape[n] - sizes[n] + 1 for n in axes]
     result = choose(block, given, ranges, taken)
