@@ -8,7 +8,7 @@ import pytest
 
 from jaxglider import paper
 from jaxglider.autopilot import autopilot
-from jaxglider.export.plant import Afloat, drift
+from jaxglider.export.plant import Afloat, drift, truth_of
 from jaxglider.export.vectors import replay
 from jaxglider.guard import BITS, STATUS, Guard, status_names
 from jaxglider.rollout import simulate
@@ -249,7 +249,7 @@ LONG = 4000
 def sail(loop, times, gap, shift):
     """Errors over the edge of the funnel in closed loop with spoilt measurements."""
     pilot, dt = autopilot(loop), loop.scenario.clock.dt
-    truth = loop.scenario.plant, loop.scenario.actuators, dt
+    truth = truth_of(loop)
     force = jax.tree.map(lambda x: 0.01 * jnp.ones_like(dt), zeros(BodyAxes, dt))
 
     def tick(carry, given):

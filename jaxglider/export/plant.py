@@ -19,7 +19,22 @@ from jaxglider.export.outlined import Functions
 from jaxglider.rollout import ClosedLoop
 from jaxglider.signals import BodyAxes, Command, GliderState, zeros
 from jaxglider.tick import TickInput, integrate
-from jaxglider.vehicle.actuators import follow_all
+from jaxglider.vehicle.actuators import Actuator, follow_all
+from jaxglider.vehicle.plant import AbstractPlant
+from jaxglider.vehicle.water import Water
+
+
+class Truth(eqx.Module):
+    """What a glider really is, and the water that it is in.
+
+    Attributes:
+        dt: control tick [s].
+    """
+
+    plant: AbstractPlant
+    actuators: Command[Actuator]
+    dt: Scalar
+    water: Water | None
 
 
 class Afloat(eqx.Module):
@@ -54,7 +69,7 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
         "parameters": Structure(
             "plant_parameters",
             "The true glider.",
-            (scenario.plant, scenario.actuators, scenario.clock.dt),
+            truth_of(loop),
         ),
         "state": Structure(
             "plant_state", "The glider between two ticks.", example, hidden=("state",)
@@ -68,7 +83,7 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
     def init(p: Any) -> Afloat:
         return example
 
-    def step(p: Any, now: Afloat, wanted: Command[Scalar], f: Any) -> Afloat:
+    def step(p: Truth, now: Afloat, wanted: Command[Scalar], f: Any) -> Afloat:
         return drift(loop, p, now, wanted, f)
 
     shared = Functions()
@@ -105,9 +120,15 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
     )
 
 
+def truth_of(loop: ClosedLoop) -> Truth:
+    """What the glider of a closed loop really is."""
+    scenario = loop.scenario
+    return Truth(scenario.plant, scenario.actuators, scenario.clock.dt, scenario.water)
+
+
 def drift(
     loop: ClosedLoop,
-    truth: Any,
+    truth: Truth,
     now: Afloat,
     wanted: Command[Scalar],
     force: BodyAxes[Scalar],
@@ -116,16 +137,17 @@ def drift(
 
     Args:
         loop: which glider.
-        truth: plant, actuators and tick.
+        truth: its numbers, from `truth_of`.
         now: where it is.
         wanted: command given to the actuators.
         force: on it [N, N m].
     """
-    plant, actuators, dt = truth
-    clock = dataclasses.replace(loop.scenario.clock, dt=dt)
-    scenario = dataclasses.replace(loop.scenario, plant=plant, clock=clock)
-    applied = follow_all(actuators, now.held, wanted, dt, now.time)
+    clock = dataclasses.replace(loop.scenario.clock, dt=truth.dt)
+    scenario = dataclasses.replace(
+        loop.scenario, plant=truth.plant, clock=clock, water=truth.water
+    )
+    applied = follow_all(truth.actuators, now.held, wanted, truth.dt, now.time)
     given = TickInput(now.time, force, force, None, None)
     return Afloat(
-        integrate(scenario, now.state, applied, given), applied, now.time + dt
+        integrate(scenario, now.state, applied, given), applied, now.time + truth.dt
     )

@@ -16,7 +16,7 @@ from jax import lax
 
 from jaxglider._types import Scalar, Series
 from jaxglider.autopilot import Autopilot, AutopilotState
-from jaxglider.export.plant import Afloat, drift
+from jaxglider.export.plant import Afloat, drift, truth_of
 from jaxglider.rollout import ClosedLoop
 from jaxglider.signals import BodyAxes, Command, GliderState, each, zeros
 
@@ -87,7 +87,7 @@ def fly(
         The ticks, and the glider's state at the end of each.
     """
     scenario = loop.scenario
-    truth = scenario.plant, scenario.actuators, scenario.clock.dt
+    truth = truth_of(loop)
     clock = scenario.clock.dt
     start = Afloat(scenario.initial_state, zeros(Command, clock), jnp.zeros_like(clock))
     times = jnp.arange(forces.surge.shape[0], dtype=clock.dtype) * clock
