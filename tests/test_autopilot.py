@@ -270,7 +270,8 @@ def test_a_glider_in_closed_loop_comes_back_to_its_course(fault):
     loop = paper.make_loop("switching", "printed", "fxtppc")
     times, hit = np.arange(LONG) * DT, slice(1000, 1020)
     gap, shift, readings = np.zeros(LONG, bool), np.zeros(LONG), np.array(times)
-    right = sail(loop, times, gap, shift)
+    # JAX may read these arrays later than it is called: never change what it was given.
+    right = sail(loop, *(np.array(x) for x in (times, gap, shift)))
     if fault == "silence":
         gap[hit] = True
     elif fault == "absurd":
