@@ -355,7 +355,7 @@ def test_rows_that_cannot_be_written_leave_those_before_safe(tmp_path):
     store.close()
 
 
-def test_a_full_disk_ends_a_campaign_with_code_1(sweep, tmp_path):
+def test_a_full_disk_ends_a_campaign_with_code_1(sweep, tmp_path, monkeypatch):
     old = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, old[1]))
@@ -364,6 +364,15 @@ def test_a_full_disk_ends_a_campaign_with_code_1(sweep, tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, old)
     assert code == 1
     assert "512 members are safe. Make room and go on with --resume" in err
+
+    def full(*arguments):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tuning.sweep.command, "write_members", full)
+        code, _, err = sweep(RUN + "--members 1500 --out a --resume")
+    assert code == 1
+    assert "No space left on device); 1500 members are safe. Make room" in err
     assert sweep(RUN + "--members 1500 --out a --resume")[0] == 0
     assert sweep(RUN + "--members 1500 --out b")[0] == 0
     rows = [(tmp_path / f"{name}/rows.bin").read_bytes() for name in "ab"]

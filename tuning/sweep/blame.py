@@ -30,7 +30,8 @@ def blamed(summary: dict[str, Any]) -> list[str]:
         "known (first), and that stays when all others are (total). Gradient: the "
         "median over members of the derivative times the standard deviation of what "
         "is drawn. Blocks with a run that failed are left out of the indices, except "
-        f"for `{LEFT}`.\n",
+        f"for `{LEFT}`. Of numbers that are correlated, the index is that of the "
+        "independent score behind each.\n",
         *parts,
     ]
 

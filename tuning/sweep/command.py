@@ -121,7 +121,14 @@ def _run(
             "shard": f"{number}/{parts}",
         }
         rows = store.rows()
-        summary = conclude(options, folder, campaign, manifest, rows, about, runs)
+        try:
+            summary = conclude(options, folder, campaign, manifest, rows, about, runs)
+        except OSError as error:
+            note(
+                f"{folder}: results cannot be written ({error}); {len(rows)} members "
+                "are safe. Make room and go on with --resume."
+            )
+            return RUN_FAILED, None
     return code or verdict(summary), summary
 
 
