@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from jaxglider import GliderState, load_vehicle, paper
+from jaxglider._toml import ConfigError
+from jaxglider.config import build_mission
 from jaxglider.integrate import RK4, runge_kutta_step
 from jaxglider.signals import BodyAxes, Command, zeros
 from jaxglider.vehicle.full_plant import full_plant
@@ -15,6 +17,7 @@ from jaxglider.vehicle.hydrodynamics import (
     flow_frame_hydrodynamics,
     hydrodynamics,
 )
+from jaxglider.vehicle.parameters import vehicle_text
 from jaxglider.vehicle.plant import rigid_body_plant
 
 SEAWING = load_vehicle("seawing")
@@ -358,3 +361,26 @@ def test_the_papers_loop_is_built_on_it_like_on_the_others():
         array(believed.inertia()), 0.8 * np.diag(rest), rtol=1e-12
     )
     assert float(believed.moving_mass) == 11.0
+
+
+def test_a_mission_says_which_key_asks_for_a_body_that_is_not_there(tmp_path):
+    text = vehicle_text("seawing")
+    start, end = text.index("\n[body]\n"), text.index("\n[limits]\n")
+    (tmp_path / "bare.toml").write_text(text[:start] + text[end:])
+    vehicle = {"data": "bare.toml", "plant": "seawing"}
+    with pytest.raises(ConfigError, match=r"vehicle.plant: .* needs a table \[body\]"):
+        build_mission({"vehicle": vehicle}, tmp_path)
+    vehicle["plant"] = "rigid-body"
+    assert build_mission({"vehicle": vehicle}, tmp_path).plant == "rigid-body"
+
+
+def test_the_papers_gains_fly_it_upright_but_turn_it_slowly(evaluate_jit):
+    """Depth and pitch as on the paper's plant; half of the heading changes are late."""
+    loop = paper.make_loop("switching", "seawing")
+    metrics = evaluate_jit(loop, loop.scenario.sea(jax.random.key(0)))
+    assert bool(metrics.finite)
+    assert float(metrics.max_roll) < 1.0
+    assert float(metrics.channels.depth.rms_error) == pytest.approx(0.123, rel=0.02)
+    assert float(metrics.channels.pitch.rms_error) == pytest.approx(0.0695, rel=0.02)
+    assert 0.3 < float(metrics.channels.heading.rms_error) < 0.6
+    assert 0.1 < float(metrics.channels.heading.time_outside_funnel) < 0.5
