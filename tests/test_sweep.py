@@ -14,7 +14,7 @@ from toy_campaign import RUN, Toy
 
 import tuning.sweep.command
 import tuning.sweep.report
-from jaxglider.rollout import evaluate, simulate
+from jaxglider.rollout import simulate
 from jaxglider.uncertainty import with_member
 from tuning.gain_files import resolve
 from tuning.sweep.campaign import STEP, compute, draw
@@ -63,10 +63,16 @@ def test_a_member_depends_on_seed_and_number_alone(campaign, engines):
     assert compute(campaign, one, 7, 1).tobytes() == whole[7:8].tobytes()
 
 
-def test_a_row_is_what_the_rollout_of_that_member_gives(campaign, engines):
+@pytest.fixture(scope="module")
+def alone(campaign):
+    """The whole run of one member, by its number."""
+    run = jax.jit(lambda member: simulate(*with_member(campaign.loops[0], member)))
+    return lambda n: run(jax.tree.map(lambda x: x[0], draw(campaign, n, 1)[1]))
+
+
+def test_a_row_is_what_the_rollout_of_that_member_gives(campaign, engines, alone):
     rows = compute(campaign, engines[0], 2, 3)
-    member = jax.tree.map(lambda x: x[1], draw(campaign, 2, 3)[1])
-    metrics = jax.jit(evaluate)(*with_member(campaign.loops[0], member))
+    metrics = alone(3).metrics
     found = dict(zip(COLUMNS, rows["metrics"][1, 0], strict=True))
     assert found["depth.rms_error"] > 0.0
     np.testing.assert_allclose(rows["metrics"][1, 0], flatten(metrics), rtol=1e-9)
@@ -310,12 +316,11 @@ def test_the_report_answers_in_tables_and_figures(sweep, tmp_path, monkeypatch):
             assert (tmp_path / folder / name).stat().st_size > 100
 
 
-def test_ribbons_are_the_errors_of_the_members_and_of_the_worst(campaign):
+def test_ribbons_are_the_errors_of_the_members_and_of_the_worst(campaign, alone):
     seen = ribbons(campaign, 0, 3, 7)
     assert {x.shape for x in seen.errors.values()} == {(3, 40)}
     for number, found in ((2, seen.errors["pitch"][2]), (7, seen.worst["pitch"])):
-        member = jax.tree.map(lambda x: x[0], draw(campaign, number, 1)[1])
-        run = jax.jit(simulate)(*with_member(campaign.loops[0], member))
+        run = alone(number)
         np.testing.assert_allclose(found, run.ticks.error.pitch, rtol=1e-9, atol=1e-15)
         lower, upper = seen.edges["pitch"]
         np.testing.assert_allclose(upper, run.ticks.limits.pitch.upper, rtol=1e-12)
