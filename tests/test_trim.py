@@ -332,6 +332,8 @@ def test_trim_prints_draws_and_writes(call, tmp_path):
         ("--speed 0", 2, ("--speed", "positive number")),
         ("--speed 1 --buoyancy-mass 1", 2, ("not allowed with",)),
         ("--vehicle spray", 2, ("vehicle must be one of", "'spray'")),
+        ("--vehicle no.toml", 2, ("--vehicle no.toml cannot be read",)),
+        ("--buoyancy-mass 0", 1, ("no steady glide without buoyancy",)),
     ],
 )
 def test_trim_says_what_cannot_be(call, arguments, code, parts):

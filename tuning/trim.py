@@ -26,7 +26,12 @@ OK, RUN_FAILED, VIOLATED = 0, 1, 3
 
 def trim(options: argparse.Namespace) -> int:
     """`jaxglider trim`: one steady motion, its modes, and the glide polar."""
-    vehicle = load_vehicle(options.vehicle)
+    try:
+        vehicle = load_vehicle(options.vehicle)
+    except OSError as error:
+        raise OSError(
+            f"--vehicle {options.vehicle} cannot be read: {error}."
+        ) from error
     plant = paper.PLANTS[options.plant](vehicle)
     check_writable(options.out)
     target = _target(options, vehicle)
