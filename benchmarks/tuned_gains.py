@@ -2,8 +2,9 @@
 
 Tunes every controller on every plant and case with the defaults of `jaxglider tune`,
 copies the gains into the package, and writes a table of what they are worth on members
-that neither descent nor choice has seen. Cases can be named to make a part again; the
-table is of all that `--out` holds.
+that neither descent nor choice has seen. Where the folder `starts` has gains for a case,
+the descent starts from them, else from the paper's. Cases can be named to make a part
+again; the table is of all that `--out` holds. Run it in the folder above this one.
 """
 
 import argparse
@@ -17,6 +18,7 @@ from typing import Any
 from jaxglider.io import replacing, write_text
 from tuning.arguments import CONTROLLERS, PLANTS, SCENARIOS
 
+STARTS = Path("benchmarks", "starts")
 PACKAGE = Path(__file__).parent.parent / "jaxglider" / "tuned"
 PAPER_BEST = {
     "switching": {"depth": 0.0995, "pitch": 0.0449, "heading": 0.1966},
@@ -58,7 +60,10 @@ def _tune(name: str, out: Path, more: list[str]) -> int:
     scenario, rest = name.split("-", 1)
     plant, controller = rest.rsplit("-", 1)
     case = ("--scenario", scenario, "--plant", plant, "--controller", controller)
-    command = (sys.executable, "-m", "tuning", "tune", *case, *more, "--out", str(out))
+    start = STARTS / f"{name}.toml"
+    given = ("--gains", str(start)) if start.is_file() else ()
+    words = ("tune", *case, *given, *more, "--out", str(out))
+    command = (sys.executable, "-m", "tuning", *words)
     sys.stderr.write(f"{name}\n")
     done = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
     if done.returncode == 0:
