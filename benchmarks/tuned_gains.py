@@ -2,9 +2,9 @@
 
 Tunes every controller on every plant and case with the defaults of `jaxglider tune`,
 copies the gains into the package, and writes a table of what they are worth on members
-that neither descent nor choice has seen. Where the folder `starts` has gains for a case,
-the descent starts from them, else from the paper's. Cases can be named to make a part
-again; the table is of all that `--out` holds. Run it in the folder above this one.
+that neither descent nor choice has seen. Where the folder `starts` has a file for a
+case, the descent starts from it, else from the paper's gains. Cases can be named to
+make a part again; the table is of all that `--out` holds. Run it in the folder above.
 """
 
 import argparse

@@ -334,6 +334,10 @@ def test_member_keeps_the_contract(name):
     check_contract(REGISTRY[name]())
 
 
+OUTSIDE = {"PipeController"}
+"""Asks another program: neither pure nor for lanes. `test_export_cli` holds it."""
+
+
 def concrete_members(family):
     """Names of the final classes below an abstract one, in the package."""
     found = set()
@@ -358,7 +362,7 @@ def test_no_member_of_a_family_is_missing_from_the_registry(family):
     registered = {type(build().member).__name__ for build in REGISTRY.values()}
     members = concrete_members(family)
     assert members
-    assert members <= registered
+    assert members - OUTSIDE <= registered
 
 
 class Law(eqx.Module):

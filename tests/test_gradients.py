@@ -148,11 +148,19 @@ def _of_gains(loop, sea, **options):
     return jnp.ones(len(start)), loss
 
 
-def test_forward_and_reverse_mode_agree_and_auto_is_one_of_them():
+@pytest.fixture(scope="module")
+def rigid():
+    """A short loop of the rigid body, its sea, and its exact gradient in all gains."""
     loop = paper.make_loop("switching", "rigid-body", duration=20.0)
-    start, loss = _of_gains(loop, loop.scenario.sea(jax.random.key(0)))
+    sea = loop.scenario.sea(jax.random.key(0))
+    start, loss = _of_gains(loop, sea)
+    exact = jax.jit(value_and_gradient(loss, "reverse"))(start)
+    return loop, sea, start, loss, exact
+
+
+def test_forward_and_reverse_mode_agree_and_auto_is_one_of_them(rigid):
+    _, _, start, loss, (again, reverse) = rigid
     value, forward = jax.jit(value_and_gradient(loss, "forward"))(start)
-    again, reverse = jax.jit(value_and_gradient(loss, "reverse"))(start)
     assert float(value) == pytest.approx(float(again), rel=1e-13)
     np.testing.assert_allclose(forward, reverse, rtol=1e-9, atol=1e-9 * float(value))
     assert np.count_nonzero(reverse) > 20
@@ -170,11 +178,8 @@ def test_the_mode_follows_from_the_lanes_it_would_fill(members, mode):
     assert jaxpr == one
 
 
-def test_a_gradient_memory_changes_no_value_and_without_end_no_gradient():
-    loop = paper.make_loop("switching", "rigid-body", duration=20.0)
-    sea = loop.scenario.sea(jax.random.key(0))
-    start, exact = _of_gains(loop, sea)
-    plain = jax.jit(jax.value_and_grad(exact))(start)
+def test_a_gradient_memory_changes_no_value_and_without_end_no_gradient(rigid):
+    loop, sea, start, _, plain = rigid
 
     @jax.jit
     def remembering(memory):
