@@ -8,7 +8,7 @@ import pytest
 from jaxglider import paper
 from jaxglider.quantities import uniform_uncertainty
 from jaxglider.rollout import evaluate
-from tuning.batch import FAILED
+from tuning.batch import FAILED, counted
 from tuning.checkpoint import Checkpoint
 from tuning.descent import Descent
 from tuning.descent_state import Settings
@@ -401,3 +401,9 @@ def test_tuning_the_paper_case_halves_the_objective(evaluate_jit):
         state = reached
     tuned = evaluate_jit(space.write(loop, state.chosen[0]), sea)
     assert sum(float(x) for x in objective.terms(tuned)["tracking"]) < 1.5
+
+
+def test_a_lost_run_counts_for_more_than_a_poor_one_but_not_for_thousands():
+    counted_as = np.asarray(counted(jnp.array([3.0, 10.0, 20.0, 1e6, np.nan, np.inf])))
+    wanted = [3.0, 10.0, 10.0 * (1.0 + np.log(2.0)), FAILED, FAILED, FAILED]
+    np.testing.assert_allclose(counted_as, wanted)

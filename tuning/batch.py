@@ -12,8 +12,8 @@ from tuning.objective import Aggregate
 
 Loss = Callable[[Series, Any], Scalar]
 
-FAILED = 10.0
-"""Objective of a run that is worse or not finite: three times a start's."""
+POOR, FAILED = 10.0, 30.0
+"""Objective from which a run counts by its logarithm, and what a failed one counts."""
 
 
 def losses(
@@ -57,8 +57,14 @@ def paired(copies: jax.Array, members: Any) -> tuple[jax.Array, Any]:
 
 
 def counted(values: jax.Array) -> jax.Array:
-    """The objectives, with a finite number for runs that did not stay finite."""
-    return jnp.where(jnp.isfinite(values), jnp.minimum(values, FAILED), FAILED)
+    """The objectives as they count: J, above 10 only 10 (1 + log(J/10)), at most 30.
+
+    A run that is lost may come to thousands, or to nothing finite: one must not drown
+    the others, but the less lost of two must still count less.
+    """
+    beyond = POOR * (1.0 + jnp.log(jnp.maximum(values, POOR) / POOR))
+    value = jnp.minimum(jnp.where(values > POOR, beyond, values), FAILED)
+    return jnp.where(jnp.isfinite(values), value, FAILED)
 
 
 def size(members: Any) -> int:
