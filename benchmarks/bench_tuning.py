@@ -207,13 +207,14 @@ def compare(problem: Problem, options: argparse.Namespace) -> tuple[Any, Any]:
     }
     compile_s[RANDOM] = compile_s[CMA]
     next(search(cma_es, options.cma_spread, 0))
-    methods = {
+    every: dict[str, Callable[[int], Run]] = {
         DESCENT: lambda seed: run_descent(descent, problem, seed),
         CMA: lambda seed: run_search(search(cma_es, options.cma_spread, seed)),
         RANDOM: lambda seed: run_search(
             search(random_search, options.random_spread, seed)
         ),
     }
+    methods = {name: every[name] for name in options.methods}
     runs: dict[str, list[Run]] = {name: [] for name in methods}
     for seed in range(options.seeds):
         for name, method in methods.items():
@@ -258,9 +259,11 @@ def summary(runs: dict[str, list[Run]], compile_s: dict[str, float]) -> dict[str
         for name, group in runs.items()
     }
     wanted = [
-        (f"CMA-ES's best x {s:g}", s * ends[CMA]["best"]["median"]) for s in SLACKS
+        (f"{name}'s best x {s:g}", s * ends[name]["best"]["median"])
+        for name, slacks in ((CMA, SLACKS), (DESCENT, SLACKS[:1]))
+        for s in slacks
+        if name in ends
     ]
-    wanted.append(("descent's best", ends[DESCENT]["best"]["median"]))
     levels = []
     for title, level in wanted:
         needed = {n: [r.rollouts_to(level) for r in g] for n, g in runs.items()}
@@ -273,7 +276,9 @@ def summary(runs: dict[str, list[Run]], compile_s: dict[str, float]) -> dict[str
                 "reached": {
                     n: sum(math.isfinite(x) for x in v) for n, v in needed.items()
                 },
-                "cma_over_descent": plain(ratio(middle[CMA], middle[DESCENT])),
+                "cma_over_descent": plain(
+                    ratio(middle.get(CMA, math.inf), middle.get(DESCENT, math.inf))
+                ),
             }
         )
     return {"methods": ends, "levels": levels}
@@ -412,6 +417,9 @@ def main() -> None:
         "--budget", type=int, default=100_000, help="rollouts of each search"
     )
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument(
+        "--methods", nargs="+", choices=tuple(LOOKS), default=[DESCENT, CMA, RANDOM]
+    )
     parser.add_argument("--population", type=int, default=None)
     parser.add_argument("--cma-spread", type=float, default=0.5)
     parser.add_argument("--random-spread", type=float, default=1.0)
