@@ -45,15 +45,11 @@ DEFAULT_FREE = {
 }
 """Which numbers are tuned where the user does not say: all of the law's own."""
 
-DEFAULT_WEIGHTS = {
-    scenario: Weights(
-        tracking=(1.0, 1.5, 1.5), chattering=0.005, crowding=crowding, roll=5.0
-    )
-    for scenario, crowding in (("switching", 150.0), ("waypoints", 20.0))
-}
+DEFAULT_WEIGHTS = Weights(
+    tracking=(1.0, 1.5, 1.5), chattering=0.005, crowding=150.0, roll=5.0
+)
 """Tracking first, attitude before depth, which is won easily; the rest keeps it in the
-funnel, upright, and off the buzzer. A new leg of a course puts the errors outside the
-funnel, whatever the gains: there crowding counts less."""
+funnel, upright, and off the buzzer."""
 
 GRADIENT_MEMORY = 60.0
 """How long the gradient that is descended remembers [s]; see `rollout.evaluate`."""
@@ -122,8 +118,7 @@ def build_task(options: argparse.Namespace) -> Task:
     kind, loop, model = _starting_loop(options)
     uncertainty = _uncertainty(options, loop.scenario)
     loop = dataclasses.replace(loop, scenario=uncertainty.scenario)
-    default = DEFAULT_WEIGHTS[options.scenario]
-    weights, aggregate = read_objective(options.objective, default)
+    weights, aggregate = read_objective(options.objective)
     if options.aggregate:
         aggregate = dataclasses.replace(aggregate, kind=options.aggregate)
     cost = load_cost(options.cost) if options.cost else None
@@ -184,24 +179,18 @@ def _reference(
     return run(*with_member(paper_loop, member))
 
 
-def read_objective(
-    path: Path | None, default: Weights = DEFAULT_WEIGHTS["switching"]
-) -> tuple[Weights, Aggregate]:
+def read_objective(path: Path | None) -> tuple[Weights, Aggregate]:
     """Weights and aggregation from a TOML file, or the defaults.
-
-    Args:
-        path: of the file, or None.
-        default: what the file leaves out.
 
     Raises:
         ConfigError: names the file, the key and the rule.
     """
     if path is None:
-        return default, Aggregate()
+        return DEFAULT_WEIGHTS, Aggregate()
     try:
         top = Table(read_toml(path), "")
         parts = []
-        for key, old in (("weights", default), ("aggregate", Aggregate())):
+        for key, old in (("weights", DEFAULT_WEIGHTS), ("aggregate", Aggregate())):
             table = top.table(key)
             values: dict[str, Any] = {}
             for field in dataclasses.fields(old):
