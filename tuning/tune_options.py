@@ -54,9 +54,9 @@ def add_tune(commands: Any) -> None:
     descent.add_argument(
         "--patience",
         type=count,
-        default=100,
+        default=40,
         metavar="N",
-        help="stop after so many steps without progress; default: 100",
+        help="stop after so many steps without progress; default: 40",
     )
     descent.add_argument(
         "--gradient-memory",
