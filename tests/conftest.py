@@ -29,7 +29,27 @@ jax.config.update(
 )
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
 
+import tuning.cli
 from jaxglider.rollout import evaluate, simulate
+
+
+@pytest.fixture
+def call(capsys, tmp_path, monkeypatch):
+    """Runs a command in an empty folder, JAX as the tests have set it up.
+
+    Returns its exit code, standard output and standard error.
+    """
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tuning.cli, "start_jax", lambda *args, **kwargs: None)
+
+    def run(*arguments):
+        try:
+            code = tuning.cli.main([str(a) for a in arguments])
+        except SystemExit as stop:
+            code = stop.code
+        return code, *capsys.readouterr()
+
+    return run
 
 
 @pytest.fixture(scope="session")

@@ -52,20 +52,6 @@ def at_home(tmp_path, monkeypatch):
     (tmp_path / "mission.toml").write_text(MISSION)
 
 
-@pytest.fixture
-def call(capsys):
-    """Runs a command; returns its exit code, standard output and standard error."""
-
-    def run(*arguments):
-        try:
-            code = main([str(a) for a in arguments])
-        except SystemExit as stop:
-            code = stop.code
-        return code, *capsys.readouterr()
-
-    return run
-
-
 def _environment(tmp_path, **more):
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("JAX", "XLA"))}
     return {**clean, "JAX_PLATFORMS": "cpu", "XDG_CACHE_HOME": str(tmp_path), **more}

@@ -48,18 +48,6 @@ def at_home(tmp_path, monkeypatch):
     (tmp_path / "mission.toml").write_text(MISSION)
 
 
-@pytest.fixture
-def call(capsys):
-    def run(*arguments):
-        try:
-            code = main([str(a) for a in arguments])
-        except SystemExit as stop:
-            code = stop.code
-        return code, *capsys.readouterr()
-
-    return run
-
-
 @pytest.mark.parametrize("kind", ["toml", "json"])
 def test_gains_come_back_from_either_format(call, tmp_path, kind):
     code, out, _ = call(

@@ -32,7 +32,7 @@ def test_a_start_that_fails_gives_way_to_the_best_one_near(start):
     loss = lambda x: jnp.where(jnp.abs(x[0]) < 2.0, 1.0 + x[0] ** 2, jnp.nan)
     free, said = promising_start(task(loss, [start, 0.0]), 0)
     assert abs(float(free[0])) < 2.0
-    assert "the starting gains fail or roll over (objective 30)" in said
+    assert "the starting gains lose the glider (objective 30)" in said
     assert f"the best of {CANDIDATES - 1}" in said
     assert f"({1.0 + float(free[0]) ** 2:.3g})" in said
 

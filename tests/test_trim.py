@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-import tuning.cli
 from jaxglider import load_vehicle, paper
 from jaxglider.modes import analyse, zero_dynamics, zeros
 from jaxglider.signals import BodyAxes, Command
@@ -23,7 +22,6 @@ from jaxglider.vehicle.glide import (
 )
 from jaxglider.vehicle.linear import INPUTS, STATES, linearise
 from jaxglider.vehicle.trim import SteadyMotion, Target, steady_motion
-from tuning.cli import main
 
 VEHICLES = {name: load_vehicle(name) for name in ("seawing", "rogue", "slocum")}
 PLANTS = {name: full_plant(vehicle) for name, vehicle in VEHICLES.items()}
@@ -294,21 +292,6 @@ def test_zero_dynamics_are_what_is_left_when_the_outputs_are_held(plant):
 
 def _outputs():
     return np.eye(10)[[STATES.index(name) for name in ("depth", "pitch", "heading")]]
-
-
-@pytest.fixture
-def call(capsys, tmp_path, monkeypatch):
-    monkeypatch.setattr(tuning.cli, "start_jax", lambda precision: None)
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        try:
-            code = main([str(a) for a in arguments])
-        except SystemExit as stop:
-            code = stop.code
-        return code, *capsys.readouterr()
-
-    return run
 
 
 def test_trim_prints_draws_and_writes(call, tmp_path):

@@ -2,10 +2,10 @@
 
 The exact gradient of a long run is a poor guide: where the loop oscillates it grows by
 orders of magnitude with the horizon and changes within a few percent of the gains
-(`jaxglider check-gradients` shows it). Three things make it useful, each measured in
-`benchmarks/bench_tuning.py`: the gradient forgets what was long ago
-(`rollout.evaluate`); each lane of the ensemble has its own copy of the gains, scattered
-by a few percent; and its gradient is clipped to norm one before the lanes are combined.
+(`jaxglider check-gradients` shows it). Three things make it useful: the gradient
+forgets what was long ago (`rollout.evaluate`); each lane of the ensemble has its own
+copy of the gains, scattered by a few percent; and its gradient is clipped to norm one
+before the lanes are combined.
 
 A step that makes the objective much worse, or not finite, is refused: back to the gains
 with the best objective so far, with half the step, which then grows again by a tenth

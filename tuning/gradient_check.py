@@ -140,20 +140,7 @@ def check_gradient(
         ValueError: lengths differ, or steps or tolerance are out of range.
     """
     free, sizes = jnp.asarray(free), np.unique(np.asarray(steps, dtype=float))
-    if free.ndim != 1 or free.shape[0] != len(names) or not len(names):
-        raise ValueError(
-            "free must be one vector with a name for each number; received shape "
-            f"{free.shape} and {len(names)} names."
-        )
-    if sizes.size < 2 or not sizes[0] > 0.0 or not sizes[-1] >= REALISTIC:
-        raise ValueError(
-            "steps must be two or more different positive numbers, the largest at "
-            f"least {REALISTIC}; received {tuple(steps)}."
-        )
-    if not relative_tolerance > 0.0:
-        raise ValueError(
-            f"relative_tolerance must be positive; received {relative_tolerance}."
-        )
+    _check(free, names, sizes, relative_tolerance)
     centre = np.asarray(free)
     scales = np.broadcast_to(np.asarray(scale, dtype=float), centre.shape)
     scatter = np.random.default_rng(0).standard_normal((copies, centre.size))
@@ -188,6 +175,25 @@ def check_gradient(
             f"{k}: {r}" if r else str(k) for k, r in zip(kinds, reasons, strict=True)
         ),
     )
+
+
+def _check(
+    free: Any, names: Sequence[str], sizes: np.ndarray, relative_tolerance: float
+) -> None:
+    if free.ndim != 1 or free.shape[0] != len(names) or not len(names):
+        raise ValueError(
+            "free must be one vector with a name for each number; received shape "
+            f"{free.shape} and {len(names)} names."
+        )
+    if sizes.size < 2 or not sizes[0] > 0.0 or not sizes[-1] >= REALISTIC:
+        raise ValueError(
+            "steps must be two or more different positive numbers, the largest at "
+            f"least {REALISTIC}; received {tuple(sizes.tolist())}."
+        )
+    if not relative_tolerance > 0.0:
+        raise ValueError(
+            f"relative_tolerance must be positive; received {relative_tolerance}."
+        )
 
 
 def saturation(metrics: Metrics) -> dict[str, float]:
