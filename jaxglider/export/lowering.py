@@ -15,7 +15,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+from jax.extend.core import ClosedJaxpr, Literal
 
 from jaxglider.export.block import Block, ExportError, Number
 from jaxglider.export.operations import apply, covered, unsupported
@@ -24,6 +24,7 @@ from jaxglider.export.outlined import (
     Functions,
     Outlined,
     kind_of,
+    opened,
     trace,
     trace_text,
 )
@@ -34,6 +35,7 @@ from jaxglider.export.shapes import (
     dynamic_slice,
     fold,
     gather,
+    parts_of_scan,
     rearranged,
     running,
     whole,
@@ -74,9 +76,7 @@ class Lowering:
 
     def closed(self, closed: Any, arguments: Sequence[Array]) -> list[Array]:
         """The results of a jaxpr with its constants."""
-        if isinstance(closed, Jaxpr):
-            return self.evaluate(closed, [], arguments)
-        return self.evaluate(closed.jaxpr, closed.consts, arguments)
+        return self.evaluate(opened(closed), getattr(closed, "consts", ()), arguments)
 
     def evaluate(
         self, jaxpr: Any, constants: Sequence[Any], arguments: Sequence[Array]
@@ -114,7 +114,12 @@ class Lowering:
         if name == "cond":
             return self._cond(params["branches"], x)
         if name == "scan":
-            return self._scan(params, x)
+            return self._scan(equation, x)
+        if name == "optimization_barrier":
+            return x
+        if name == "unstack":
+            parts = range(len(equation.outvars))
+            return [np.take(x[0], n, axis=params["axis"]) for n in parts]
         if all(n.value is not None for a in x for n in a.ravel()):
             return self._folded(equation, x)
         shape = tuple(equation.outvars[0].aval.shape)
@@ -183,17 +188,17 @@ class Lowering:
             taken.append(whole(numbers, cases[0].shape))
         return taken
 
-    def _scan(self, params: dict[str, Any], x: list[Array]) -> list[Array]:
+    def _scan(self, equation: Any, x: list[Array]) -> list[Array]:
         """All steps are written out."""
-        if params["length"] > MAX_SCAN:
+        params = equation.params
+        if (steps := params["length"]) > MAX_SCAN:
             raise ExportError(
-                f"a scan of {params['length']} steps cannot be exported; at most "
-                f"{MAX_SCAN}."
+                f"a scan of {steps} steps cannot be exported; at most {MAX_SCAN}."
             )
-        first, count = params["num_consts"], params["num_carry"]
+        first, count = parts_of_scan(equation)
         constants, carry = x[:first], x[first : first + count]
         rows = x[first + count :]
-        order = range(params["length"])
+        order = range(steps)
         kept: list[list[Array]] = []
         for n in reversed(order) if params["reverse"] else order:
             given = [np.asarray(r[n], dtype=object) for r in rows]
@@ -206,15 +211,14 @@ class Lowering:
         return [*carry, *stacked]
 
     def _call(self, closed: Any, x: list[Array]) -> Sequence[Array]:
-        inner = getattr(closed, "jaxpr", closed)
+        inner = opened(closed)
         name, text = inner.debug_info.func_name, str(closed)
         shape = tuple(x[0].shape) if x else ()
-        for same in (*ELEMENTARY, "once"):
-            if name == same and text == trace_text(name, shape):
-                return x if name == "once" else self._elementary(name, x[0])
+        if name in ELEMENTARY and text == trace_text(name, shape):
+            return self._elementary(name, x[0])
         if (
-            isinstance(closed, ClosedJaxpr)
-            and not closed.consts
+            not self.block.of_one_precision
+            and not inner.constvars
             and len(inner.eqns) >= WORTH_A_FUNCTION
             and all(not v.aval.shape for v in (*inner.invars, *inner.outvars))
             and any(n.value is None for a in x for n in a.ravel())
@@ -225,7 +229,7 @@ class Lowering:
     def _outline(self, text: str, closed: ClosedJaxpr) -> Outlined:
         known = self.functions.outlined
         if text not in known:
-            stem = closed.jaxpr.debug_info.func_name.strip("<>_") or "part"
+            stem = opened(closed).debug_info.func_name.strip("<>_") or "part"
             function = outlined(stem, closed, self.functions)
             # Numbered only now: functions that it calls come before it.
             function.name = f"{stem}_{len(known) + 1}"
@@ -233,10 +237,7 @@ class Lowering:
         return known[text]
 
     def _elementary(self, name: str, x: Array) -> list[Array]:
-        """An elementary function, number by number.
-
-        `once` is not among them: it only keeps XLA from computing a number twice.
-        """
+        """An elementary function, number by number."""
         known = self.functions.elementary
         if name not in known:
             double, single = (
@@ -266,7 +267,7 @@ def outlined(name: str, closed: ClosedJaxpr, functions: Functions | None) -> Out
             calls no other.
     """
     block = Block(of_one_precision=functions is None)
-    kinds = [kind_of(v.aval.dtype) for v in closed.jaxpr.invars]
+    kinds = [kind_of(v.aval.dtype) for v in opened(closed).invars]
     arguments = [whole([Number(k, f"a{n}", True)], ()) for n, k in enumerate(kinds)]
     lowering = Lowering(block, functions or Functions())
     results = lowering.closed(closed, arguments)

@@ -61,6 +61,11 @@ def kind_of(dtype: Any) -> str:
     return kind
 
 
+def opened(closed: Any) -> Any:
+    """A trace without its constants; newer versions of JAX have one class for both."""
+    return getattr(closed, "jaxpr", closed)
+
+
 @cache
 def trace(name: str, dtype: str, shape: tuple[int, ...] = ()) -> ClosedJaxpr:
     """The trace of one elementary function, without the call around it."""

@@ -14,6 +14,7 @@ from jax import lax
 
 from jaxglider.export.block import Block, ExportError, Number, literal
 from jaxglider.export.operations import apply, unsupported
+from jaxglider.export.outlined import opened
 
 Array = Any
 """A NumPy array of `Number`."""
@@ -213,3 +214,21 @@ def _points_at(
         known = here.value is not None
         here = same if known else apply(block, "and", (here, same), "bool", {})
     return here
+
+
+def parts_of_scan(equation: Any) -> tuple[int, int]:
+    """How many constants a scan takes, and how many values it carries.
+
+    By the shapes, which no version of JAX names differently: what is scanned over, or
+    stacked, has an axis more outside the body than inside.
+    """
+    body = opened(equation.params["jaxpr"])
+
+    def as_inside(outer: Sequence[Any], inner: Sequence[Any]) -> int:
+        return sum(
+            len(a.aval.shape) == len(b.aval.shape)
+            for a, b in zip(outer, inner, strict=True)
+        )
+
+    carried = as_inside(equation.outvars, body.outvars)
+    return as_inside(equation.invars, body.invars) - carried, carried
