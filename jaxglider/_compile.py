@@ -10,6 +10,8 @@ It travels in the environment variable XLA_FLAGS, which XLA reads at its first u
 library never sets it by itself.
 """
 
+import contextlib
+import functools
 import hashlib
 import importlib.metadata
 import os
@@ -17,7 +19,17 @@ import platform
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import jax
+
+set_xla_metadata: Any = None
+with contextlib.suppress(ImportError):  # experimental: a version may not have it
+    from jax.experimental.xla_metadata import set_xla_metadata
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 FAST_LOOP_FLAGS = (
     "--xla_backend_extra_options="
@@ -126,3 +138,29 @@ def _works() -> bool:
     except OSError:
         pass
     return works
+
+
+def apart(function: F) -> F:
+    """A function that XLA keeps apart: its results are computed once, then used.
+
+    XLA for CPUs otherwise merges a function into its callers and copies its formulas
+    into all that uses them. Elsewhere, and where JAX cannot say it, nothing changes.
+    """
+    if set_xla_metadata is None:
+        return function
+
+    def merged(*arguments: Any) -> Any:
+        with set_xla_metadata(inlineable=None):
+            return function(*arguments)
+
+    merged.__name__ = function.__name__
+    compiled = jax.jit(merged)
+
+    @functools.wraps(function)
+    def call(*arguments: Any) -> Any:
+        if jax.default_backend() != "cpu":
+            return function(*arguments)
+        with set_xla_metadata(inlineable="false"):
+            return compiled(*arguments)
+
+    return cast(F, call)

@@ -7,14 +7,17 @@ it comes. `numerics` builds on them, and is where others import them from.
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from jaxglider._compile import apart
 from jaxglider._types import Scalar
+
+Tree = TypeVar("Tree")
 
 
 class _Float(NamedTuple):
@@ -53,6 +56,7 @@ _FLOATS = {
 
 
 @jax.custom_jvp
+@apart
 def sincos(angle: Scalar) -> tuple[Scalar, Scalar]:
     """Sine and cosine of one angle [rad]: the one place where a tick computes them.
 
@@ -68,7 +72,7 @@ def sincos(angle: Scalar) -> tuple[Scalar, Scalar]:
     signs = [(-1.0) ** n for n in range(kind.sincos_terms)]
     sine = [s / math.factorial(2 * n + 1) for n, s in enumerate(signs)]
     cosine = [s / math.factorial(2 * n) for n, s in enumerate(signs)]
-    return once(sign * y * horner(y * y, sine)), once(sign * horner(y * y, cosine))
+    return sign * y * horner(y * y, sine), sign * horner(y * y, cosine)
 
 
 @sincos.defjvp
@@ -80,28 +84,24 @@ def _sincos_jvp(
     return (sine, cosine), (cosine * dot, -sine * dot)
 
 
-@jax.custom_jvp
-def once(x: Scalar) -> Scalar:
-    """The same number, computed once however many formulas use it.
+def once(values: Tree) -> Tree:
+    """The same numbers, computed once however many formulas use them.
 
     XLA for CPUs copies a cheap formula into each of its users, and with theirs into
-    each of theirs: unhindered, a tick computes its command eighteen times. It does not
-    copy a division. Infinity becomes NaN.
+    each of theirs: unhindered, a tick computes its command eighteen times. The same
+    holds for tangents and cotangents on their way back.
+
+    Args:
+        values: a number, or any pytree of them.
     """
-    return x / _one_if_finite(x)
+    return _handed_on(values)
 
 
-def _one_if_finite(x: Scalar) -> Scalar:
-    """1 for every finite number, in a way the compiler does not see; NaN for others."""
-    return 0.0 * x + 1.0
-
-
-@once.defjvp
-def _once_jvp(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, Scalar]:
-    return once(*primals), tangents[0]
+_handed_on = apart(lax.optimization_barrier)
 
 
 @jax.custom_jvp
+@apart
 def arctan(x: Scalar) -> Scalar:
     """Angle [rad] whose tangent is x, within 4 units in the last place.
 
@@ -127,6 +127,7 @@ def _arctan_jvp(
 
 
 @jax.custom_jvp
+@apart
 def log2(x: Scalar) -> Scalar:
     """Binary logarithm of a positive number, within 2 units in the last place.
 
@@ -142,7 +143,7 @@ def log2(x: Scalar) -> Scalar:
     m = lax.bitcast_convert_type((bits & mask) + low, x.dtype)
     s = (m - 1.0) / (m + 1.0)
     terms = [2.0 / (math.log(2.0) * (2 * n + 1)) for n in range(kind.log_terms)]
-    return (exponent + s * horner(s * s, terms)) / _one_if_finite(x)
+    return exponent + s * horner(s * s, terms) + 0.0 * x
 
 
 @log2.defjvp
@@ -152,6 +153,7 @@ def _log2_jvp(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, 
 
 
 @jax.custom_jvp
+@apart
 def exp2(x: Scalar) -> Scalar:
     """2^x within 2 units in the last place, for results that are normal numbers.
 
@@ -168,7 +170,7 @@ def exp2(x: Scalar) -> Scalar:
     # Adding 1.5 · 2^mantissa_bits puts a whole number into the last bits.
     shifted = nearest + 1.5 * 2.0**kind.mantissa_bits
     whole = lax.bitcast_convert_type(shifted, kind.whole) << kind.mantissa_bits
-    return lax.bitcast_convert_type(mantissa + whole, x.dtype) / _one_if_finite(x)
+    return lax.bitcast_convert_type(mantissa + whole, x.dtype) + 0.0 * x
 
 
 @exp2.defjvp

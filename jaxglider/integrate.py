@@ -14,6 +14,7 @@ import numpy as np
 from jax import lax
 
 from jaxglider._types import Scalar
+from jaxglider.elementary import once
 
 State = TypeVar("State")
 
@@ -69,7 +70,7 @@ def runge_kutta_step(
     def stage(carry: tuple[State, State], row: tuple[Scalar, ...]) -> tuple:
         at, total = carry
         node, link, weight = row
-        slope = derivative(at, node)
+        slope = once(derivative(at, node))
         total = jax.tree.map(lambda s, k: s + weight * k, total, slope)
         at = jax.tree.map(lambda s, k: s + link * k, state, slope)
         return (at, total), None

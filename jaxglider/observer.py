@@ -22,6 +22,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+from jax import lax
 
 from jaxglider._types import Container, Scalar, as_float, check_interval
 from jaxglider.numerics import monotone_root, smooth_abs
@@ -193,10 +194,10 @@ def observer_root(
     """
     a1, a2, stretch, smoothing = gains
     size = jnp.abs(target)
-    linear = 1.0 + 2.0 * a2 * stretch + a1 / jnp.sqrt(smooth_abs(target, smoothing))
+    linear = 1.0 + 2.0 * a2 * stretch + a1 * lax.rsqrt(smooth_abs(target, smoothing))
     square = 1.5 * a2 * stretch * stretch
     # The half sign of φ₂: a constant far from zero, a steep slope near it.
-    rest = jnp.maximum(size - 0.5 * a2, size / (1.0 + 0.5 * a2 / smoothing))
+    rest = jnp.maximum(size - 0.5 * a2, size * (1.0 / (1.0 + 0.5 * a2 / smoothing)))
     guess = 2.0 * rest / (linear + jnp.sqrt(linear * linear + 4.0 * square * rest))
     return monotone_root(_left_side, steps, target, jnp.sign(target) * guess, gains)
 
@@ -210,9 +211,11 @@ def _left_side(
     slope = h + (y/|y|)² (|y| dh/d|y|).
     """
     a1, a2, stretch, smoothing = gains
-    size = smooth_abs(y, smoothing)
-    root, inverse = jnp.sqrt(size), 1.0 / size
-    near1, far1 = a1 * root * inverse, a1 * stretch * root
+    squared = y * y + smoothing * smoothing
+    inverse = lax.rsqrt(squared)
+    size = squared * inverse
+    near1 = a1 * lax.rsqrt(size)
+    far1 = stretch * size * near1
     near2, far2 = 0.5 * a2 * inverse, 1.5 * a2 * stretch * stretch * size
     h = 1.0 + 2.0 * a2 * stretch + (near1 + far1) + (near2 + far2)
     lean = y * inverse

@@ -118,7 +118,9 @@ class BodyAxes(Container, Generic[T]):
         return each(operator.sub, self, other)
 
     def __truediv__(self, other: "BodyAxes[T]") -> "BodyAxes[T]":
-        return each(operator.truediv, self, other)
+        # Divided by what seldom changes, masses and the like: their reciprocals move
+        # out of the loop.
+        return each(lambda a, b: a * (1.0 / b), self, other)
 
     def fields(self) -> tuple[T, T, T, T, T, T]:
         """The six things in order."""

@@ -32,6 +32,7 @@ class TransformedError(eqx.Module):
         rate: ε' [1/s].
         offset: κ [1/s²].
         gain: λ, per unit of the channel.
+        gain_inverse: 1/λ, unit of the channel.
         gain_inverse_rate: d/dt (1/λ), unit of the channel per second.
     """
 
@@ -39,6 +40,7 @@ class TransformedError(eqx.Module):
     rate: Scalar
     offset: Scalar
     gain: Scalar
+    gain_inverse: Scalar
     gain_inverse_rate: Scalar
 
 
@@ -75,18 +77,24 @@ class ErrorTransformation(Container):
             bound: P, P', P'' now.
         """
         width, width1, width2 = bound.value, bound.rate, bound.acceleration
-        x = error / width
-        x1 = (error_rate - x * width1) / width
+        # Divisions are slow; these two are the only ones in a tick.
+        narrow = 1.0 / width
+        x = error * narrow
+        x1 = (error_rate - x * width1) * narrow
         core = jnp.clip(x, -self.tail * self.lower, self.tail * self.upper)
         left, right = self.lower + core, self.upper - core
-        slope = 0.5 * (1.0 / left + 1.0 / right)
+        span, product = self.lower + self.upper, 1.0 / (left * right)
+        slope = 0.5 * span * product
+        flat = left * right * (2.0 / span)
         curve = jnp.where(
-            core == x, 0.5 * (1.0 / (right * right) - 1.0 / (left * left)), 0.0
+            core == x, 0.5 * span * (left - right) * product * product, 0.0
         )
+        ratio = left * left * product
         return TransformedError(
-            value=0.5 * math.log(2.0) * log2(left / right) + slope * (x - core),
+            value=0.5 * math.log(2.0) * log2(ratio) + slope * (x - core),
             rate=slope * x1,
-            offset=curve * x1 * x1 - slope * (2.0 * x1 * width1 + x * width2) / width,
-            gain=slope / width,
-            gain_inverse_rate=width1 / slope - width * curve * x1 / (slope * slope),
+            offset=curve * x1 * x1 - slope * (2.0 * x1 * width1 + x * width2) * narrow,
+            gain=slope * narrow,
+            gain_inverse=width * flat,
+            gain_inverse_rate=width1 * flat - width * curve * x1 * flat * flat,
         )

@@ -135,7 +135,7 @@ class FxTPPC(AbstractController):
         law = each(self._channel, self.gains, transformed, state)
         demand = each(
             lambda acceleration, t, c: (
-                acceleration - (t.offset + c.sliding + c.reaching) / t.gain
+                acceleration - (t.offset + c.sliding + c.reaching) * t.gain_inverse
             ),
             reference.acceleration,
             transformed,

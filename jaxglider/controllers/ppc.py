@@ -74,7 +74,7 @@ class PPC(AbstractController):
         demand = each(
             lambda acceleration, t, q, margin, l2: (
                 acceleration
-                - t.offset / t.gain
+                - t.offset * t.gain_inverse
                 - (jnp.maximum(t.gain_inverse_rate, 0.0) + margin) * q
                 - l2 * jnp.tanh(q)
             ),
