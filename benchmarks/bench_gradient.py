@@ -19,6 +19,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from jaxglider import evaluate, map_members
+from jaxglider.rollout import sparse_checkpoints
 
 
 class Objective:
@@ -30,6 +31,7 @@ class Objective:
         self.members = measuring.draw_members(nominal, count, options.precision)
         self.flat, self.rebuild = ravel_pytree(self._gains(self.loop))
         self.all_gains = self.flat.size
+        self.checkpoint_every = 1
 
     @staticmethod
     def _gains(loop: Any) -> Any:
@@ -59,7 +61,11 @@ class Objective:
             jax.tree.leaves(self.rebuild(flat)),
         )
         where = lambda at: at.scenario.plant.parameters
-        channels = evaluate(eqx.tree_at(where, changed, parameters), self.sea).channels
+        channels = evaluate(
+            eqx.tree_at(where, changed, parameters),
+            self.sea,
+            checkpoint_every=self.checkpoint_every,
+        ).channels
         return (
             channels.depth.rms_error / 0.12
             + channels.pitch.rms_error / 0.05
@@ -70,10 +76,10 @@ class Objective:
         """The rollout alone."""
         return map_members(lambda p: self.loss(gains, p), self.members).mean()
 
-    def reverse(self, gains: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Value and gradient by reverse mode, member by member."""
+    def reverse(self, gains: jax.Array, **options: Any) -> tuple[jax.Array, jax.Array]:
+        """Value and gradient by reverse mode; options of `map_members`."""
         each = jax.value_and_grad(self.loss)
-        values, slopes = map_members(lambda p: each(gains, p), self.members)
+        values, slopes = map_members(lambda p: each(gains, p), self.members, **options)
         return values.mean(), slopes.mean(axis=0)
 
     def forward(self, gains: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -118,6 +124,9 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         "exponent_of_horizon_forward_memory": measuring.fitted(
             memory, "ticks", "forward_mib"
         ),
+        "exponent_of_horizon_sparse_memory": measuring.fitted(
+            memory, "ticks", "sparse_mib"
+        ),
     }
 
 
@@ -159,18 +168,21 @@ def compare(
 
 
 def memory_of(options: argparse.Namespace, ticks: int) -> dict[str, Any]:
-    """Working memory of both modes at one horizon, for one member and six gains."""
+    """Working memory of a gradient at one horizon, for one member and six gains."""
     objective = Objective(options, 1, ticks)
     gains = objective.flat[:6]
-    return {
-        "ticks": ticks,
-        **{
-            f"{mode}_mib": measuring.compiled(getattr(objective, mode), gains)[1][
-                "memory_mib"
-            ]
-            for mode in ("reverse", "forward")
-        },
+
+    def mib(function: Callable[..., Any]) -> float:
+        return measuring.compiled(function, gains)[1]["memory_mib"]
+
+    found = {
+        "reverse_mib": mib(objective.reverse),
+        "forward_mib": mib(objective.forward),
     }
+    objective.checkpoint_every = sparse_checkpoints(ticks)
+    # Another function, or the compiled one is taken again.
+    found["sparse_mib"] = mib(lambda gains: objective.reverse(gains))
+    return {"ticks": ticks, **found}
 
 
 def tables(result: dict[str, Any]) -> str:
@@ -187,12 +199,15 @@ def tables(result: dict[str, Any]) -> str:
             ("forward time ~ gains", "exponent_of_gains_forward"),
             ("reverse memory ~ ticks", "exponent_of_horizon_reverse_memory"),
             ("forward memory ~ ticks", "exponent_of_horizon_forward_memory"),
+            ("sparse memory ~ ticks", "exponent_of_horizon_sparse_memory"),
         )
     ]
     return "\n\n".join(
         [
             measuring.markdown(titles, rows),
-            measuring.markdown(("ticks", "reverse MiB", "forward MiB"), memory),
+            measuring.markdown(
+                ("ticks", "reverse MiB", "forward MiB", "sparse MiB"), memory
+            ),
             "; ".join(fits),
         ]
     )
@@ -225,7 +240,7 @@ def draw(result: dict[str, Any], options: argparse.Namespace) -> None:
     measuring.label_sizes(middle, sizes)
     middle.set_xlabel("gains")
     middle.legend(frameon=False, fontsize=7)
-    for mode in ("reverse", "forward"):
+    for mode in ("reverse", "forward", "sparse"):
         rows = result["memory"]
         points = ([r["ticks"] for r in rows], [r[f"{mode}_mib"] for r in rows])
         right.loglog(*points, "o-", ms=3, label=mode)

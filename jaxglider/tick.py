@@ -29,29 +29,46 @@ class Carry(eqx.Module):
     reached: jax.Array
 
 
-class TickInput(eqx.Module):
-    """What is known of a tick before the rollout starts; built for all ticks at once.
+class TickPlan(eqx.Module):
+    """What is known of a tick before the rollout starts; built for many at once.
 
     Attributes:
         time: start of the tick [s].
-        force_start: τ_d at the start of the tick.
         force_end: τ_d at its end.
         planned: the reference's plan.
         bounds: the controller's performance functions, or None where the clock is not
             known beforehand.
         judging: those of the scenario's funnel, if it has one; None likewise.
-        noise_start: errors of the sensors at the start of the tick, or None.
-        noise_end: at its end.
+        noise_end: errors of the sensors at its end, or None.
     """
 
     time: jax.Array
-    force_start: BodyAxes[jax.Array]
     force_end: BodyAxes[jax.Array]
     planned: Any
     bounds: Channels[Bound] | None
-    judging: Channels[Bound] | None = None
-    noise_start: dict[str, jax.Array] | None = None
-    noise_end: dict[str, jax.Array] | None = None
+    judging: Channels[Bound] | None
+    noise_end: dict[str, jax.Array] | None
+
+
+class TickInput(TickPlan):
+    """The same with what is known at the end of the tick before.
+
+    Attributes:
+        force_start: τ_d at the start of the tick.
+        noise_start: errors of the sensors there, or None.
+    """
+
+    force_start: BodyAxes[jax.Array]
+    noise_start: dict[str, jax.Array] | None
+
+
+def with_start(
+    plan: TickPlan,
+    force: BodyAxes[jax.Array],
+    noise: dict[str, jax.Array] | None,
+) -> TickInput:
+    """A plan with τ_d and the errors of the sensors at the start of its ticks."""
+    return TickInput(**vars(plan), force_start=force, noise_start=noise)
 
 
 def integrate(

@@ -29,6 +29,7 @@ LAYERS = (
     (
         "scenario",
         "tick",
+        "closed_loop",
         "rollout",
         "autopilot",
         "guard",

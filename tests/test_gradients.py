@@ -5,6 +5,8 @@ are taken in relative steps of several sizes, second and fourth order; each floa
 pick its best one: a small sensitivity needs a large step, a large one a small step.
 """
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -15,7 +17,7 @@ from jax.flatten_util import ravel_pytree
 from jaxglider import map_members, paper
 from jaxglider.gradient import value_and_gradient
 from jaxglider.metrics import finish
-from jaxglider.rollout import evaluate
+from jaxglider.rollout import evaluate, sparse_checkpoints
 
 STEPS = (1e-3, 1e-4, 1e-5, 1e-6)
 TOLERANCE = 1e-5
@@ -244,3 +246,41 @@ def test_a_gradient_memory_fades_the_tangents_from_tick_to_tick():
     _, wanted = jax.jvp(end, (carry,), (tangents,))
     assert abs(float(wanted)) > 1e-6
     np.testing.assert_allclose(jax.jit(jax.grad(faded))(where(loop)), wanted, rtol=1e-9)
+
+
+def test_sparse_checkpoints_change_no_gradient_and_need_less_memory():
+    """√n of n states are kept, so four times the ticks need about twice the memory."""
+    needed = {}
+    for ticks in (400, 1600):
+        loop = paper.make_loop("switching", controller="smc", duration=0.05 * ticks)
+        sea = loop.scenario.sea(jax.random.key(0))
+        where = lambda at: at.controller.c0
+
+        def error(gains, every, loop=loop, sea=sea, where=where):
+            changed = eqx.tree_at(where, loop, gains)
+            return evaluate(
+                changed, sea, checkpoint_every=every
+            ).channels.pitch.rms_error
+
+        for every in (1, sparse_checkpoints(ticks)):
+            program = jax.jit(partial(jax.value_and_grad(error), every=every))
+            compiled = program.lower(where(loop)).compile()
+            memory = compiled.memory_analysis().temp_size_in_bytes
+            needed[ticks, every] = memory, ravel_pytree(compiled(where(loop)))[0]
+        every = sparse_checkpoints(ticks)
+        np.testing.assert_allclose(
+            needed[ticks, every][1], needed[ticks, 1][1], rtol=1e-10, atol=1e-14
+        )
+    assert needed[1600, 1][0] > 3.0 * needed[400, 1][0]
+    assert needed[1600, 40][0] < 2.5 * needed[400, 20][0]
+    assert needed[1600, 40][0] < 0.2 * needed[1600, 1][0]
+
+
+def test_checkpoints_divide_the_run():
+    assert sparse_checkpoints(16000) in (125, 128)
+    assert sparse_checkpoints(7919) in (1, 7919)
+    loop = paper.make_loop("switching", controller="smc", duration=1.0)
+    sea = loop.scenario.sea(jax.random.key(0))
+    for wrong in (0, 3):
+        with pytest.raises(ValueError, match=f"divide the 20 ticks; received {wrong}"):
+            evaluate(loop, sea, checkpoint_every=wrong)

@@ -11,7 +11,7 @@ from scipy.optimize import fsolve
 
 from jaxglider import Clock, GliderParameters, GliderState, load_vehicle, paper
 from jaxglider.signals import BodyAxes, Command
-from jaxglider.tick import TickInput, integrate
+from jaxglider.tick import TickPlan, integrate, with_start
 from jaxglider.vehicle.actuation import (
     PrintedActuation,
     RigidBodyActuation,
@@ -221,7 +221,7 @@ def one_tick(plant, dt=0.05, substeps=1):
     )
 
     def advance(state, command, start, end):
-        given = TickInput(jnp.asarray(0.0), start, end, None, None)
+        given = with_start(TickPlan(jnp.asarray(0.0), end, *(None,) * 4), start, None)
         return integrate(scenario, state, command, given)
 
     return jax.jit(jax.vmap(advance))

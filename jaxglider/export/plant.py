@@ -18,7 +18,7 @@ from jaxglider.export.c_source import Argument, Structure, write_function
 from jaxglider.export.outlined import Functions
 from jaxglider.rollout import ClosedLoop
 from jaxglider.signals import BodyAxes, Command, GliderState, zeros
-from jaxglider.tick import TickInput, integrate
+from jaxglider.tick import TickPlan, integrate, with_start
 from jaxglider.vehicle.actuators import Actuator, follow_all
 from jaxglider.vehicle.plant import AbstractPlant
 from jaxglider.vehicle.water import Water
@@ -147,7 +147,8 @@ def drift(
         loop.scenario, plant=truth.plant, clock=clock, water=truth.water
     )
     applied = follow_all(truth.actuators, now.held, wanted, truth.dt, now.time)
-    given = TickInput(now.time, force, force, None, None)
+    plan = TickPlan(now.time, force, None, None, None, None)
+    given = with_start(plan, force, None)
     return Afloat(
         integrate(scenario, now.state, applied, given), applied, now.time + truth.dt
     )
