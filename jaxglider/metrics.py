@@ -57,8 +57,9 @@ class ChannelMetrics(eqx.Module):
         time_saturated: share of the active time with the actuator short of the command.
         funnel_peak: largest error over the edge of the funnel that it nears: above 1
             it has left.
-        funnel_crowding: mean of max(x − 0.8, 0)², x the error over the edge it nears:
-            a smooth stand-in for the time outside.
+        funnel_crowding: mean of y⁴/(1 + y⁴), y = max(5x − 4, 0), x the error over the
+            edge it nears: 0 up to 0.8, ½ at the edge, 1 far outside; a smooth stand-in
+            for the time outside.
         saturation_excess: mean of d²/(u² + d²), u the applied command and d what is
             wanted beyond it: a smooth stand-in for the time saturated.
     """
@@ -150,7 +151,7 @@ def add_tick(
             s.outside + jnp.where(outside, 1.0, 0.0),
             s.saturated + jnp.where(w != u, 1.0, 0.0),
             jnp.maximum(s.peak, nearness),
-            s.crowding + jnp.maximum(nearness - 0.8, 0.0) ** 2,
+            s.crowding + _crowded(nearness),
             s.excess + (w - u) ** 2 / (u * u + (w - u) ** 2 + 1e-12),
         )
 
@@ -170,6 +171,11 @@ def add_tick(
         jnp.maximum(sums.max_roll, jnp.abs(state.roll)),
         jnp.maximum(sums.max_pitch, jnp.abs(state.pitch)),
     )
+
+
+def _crowded(nearness: Scalar) -> Scalar:
+    squared = jnp.clip(5.0 * nearness - 4.0, 0.0, 1e3) ** 2
+    return squared * squared / (1.0 + squared * squared)
 
 
 def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Metrics:

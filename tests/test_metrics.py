@@ -64,6 +64,12 @@ LOOPS = {
 }
 
 
+def crowding(nearness):
+    """0 up to 0.8, 1/2 at the edge, 1 far beyond."""
+    fourth = np.maximum(5.0 * nearness - 4.0, 0.0) ** 4
+    return fourth / (1.0 + fourth)
+
+
 def recomputed(loop, ticks):
     """All measures, from the definitions."""
     on = np.asarray(ticks.active)
@@ -91,7 +97,7 @@ def recomputed(loop, ticks):
             "time_outside_funnel": np.mean(np.abs(e) > width),
             "time_saturated": np.mean(np.abs(wanted) > limit),
             "funnel_peak": np.max(np.abs(e) / width),
-            "funnel_crowding": np.mean(np.maximum(np.abs(e) / width - 0.8, 0) ** 2),
+            "funnel_crowding": np.mean(crowding(np.abs(e) / width)),
             "saturation_excess": np.mean(
                 np.divide(d**2, u**2 + d**2, out=np.zeros_like(d), where=d > 0)
             ),
@@ -185,7 +191,9 @@ def test_measures_of_a_run_of_three_ticks_by_hand():
     np.testing.assert_allclose(depth.time_outside_funnel, 2 / 3)
     assert float(depth.time_saturated) == 0.0
     # Shares of the edge they near: 3/2, 4/1 and 1.5/2.
-    np.testing.assert_allclose(depth.funnel_crowding, (0.7**2 + 3.2**2) / 3)
+    np.testing.assert_allclose(
+        depth.funnel_crowding, (3.5**4 / (1 + 3.5**4) + 16.0**4 / (1 + 16.0**4)) / 3
+    )
     assert float(depth.saturation_excess) == 0.0
     assert float(found.end_time) == 1.5
     assert int(found.waypoints_reached) == 2

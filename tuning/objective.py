@@ -35,7 +35,7 @@ class Weights:
         tracking: L2[e] over its start, each channel.
         effort: L2[U] over its start, each channel.
         chattering: L2[ΔU] over its start, each channel.
-        crowding: mean of max(x − 0.8, 0)², x the error over its funnel's edge.
+        crowding: share of the time at the edge of its funnel or beyond, smooth.
         roll: max(max |φ| − roll_limit, 0)² [rad²].
         roll_limit: largest roll that costs nothing [rad].
         saturation: smooth share of the command that the actuators do not follow.

@@ -334,7 +334,8 @@ static void tick(struct block *block, const struct vehicle *design,
             real change = u - block->held[c][l], short2 = short_of * short_of;
             real edge = plan->funnel[c].inverse;
             real near = larger(e * edge * law[c].over_upper, e * edge * law[c].over_lower);
-            real crowd = larger(near - (real)0.8, 0);
+            real crowd = clip(5 * near - 4, 0, (real)1e3);
+            real crowd4 = crowd * crowd * crowd * crowd;
             sum[ERROR2][l] += e * e;
             sum[EFFORT2][l] += u * u;
             sum[CHANGE2][l] += change * change;
@@ -343,7 +344,7 @@ static void tick(struct block *block, const struct vehicle *design,
                 larger(sum[MAX_SETTLED][l], size * plan->funnel[c].settled);
             sum[OUTSIDE][l] += near > 1 ? (real)1 : (real)0;
             sum[SATURATED][l] += short_of != 0 ? (real)1 : (real)0;
-            sum[CROWDING][l] += crowd * crowd;
+            sum[CROWDING][l] += crowd4 / (1 + crowd4);
             sum[EXCESS][l] += short2 / (u * u + short2 + (real)1e-12);
             block->integral[c][l] += dt * sliding[c];
             block->held[c][l] = u;

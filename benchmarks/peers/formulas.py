@@ -238,13 +238,14 @@ def make_error(dialect: Dialect, kind: type) -> Any:
 def make_sums(dialect: Dialect, kind: type) -> Any:
     """Adds one tick to the running sums of one channel, nine rows."""
     where = dialect.where
-    zero, one, crowded, least = map(kind, (0, 1, 0.8, 1e-12))
+    zero, one, four, five, most, least = map(kind, (0, 1, 4, 5, 1e3, 1e-12))
 
     @dialect.compiled
     def add(sums, at, first, e, width, settled, lower, upper, wanted, applied, held):
         size, short = np.abs(e), wanted - applied
         near = np.maximum(e / (upper * width), -e / (lower * width))
-        crowd = np.maximum(near - crowded, zero)
+        crowd = np.minimum(np.maximum(five * near - four, zero), most)
+        crowd4 = crowd * crowd * crowd * crowd
         sums[at] += e * e
         sums[at + 1] += applied * applied
         if not first:
@@ -253,7 +254,7 @@ def make_sums(dialect: Dialect, kind: type) -> Any:
         sums[at + 4] = np.maximum(sums[at + 4], size * settled)
         sums[at + 5] += where(near > one, one, zero)
         sums[at + 6] += where(short != zero, one, zero)
-        sums[at + 7] += crowd * crowd
+        sums[at + 7] += crowd4 / (one + crowd4)
         sums[at + 8] += short * short / (applied * applied + short * short + least)
 
     return add
