@@ -34,7 +34,6 @@ from matplotlib.figure import Figure
 from jaxglider import map_members, paper
 from jaxglider.io import provenance, replacing
 from tuning.derivative_free import (
-    GRADIENT_COST,
     cma_es,
     default_population,
     random_search,
@@ -148,23 +147,18 @@ def make_losses(problem: Problem) -> Callable[[Any], Any]:
 
 
 def run_descent(descent: Descent, problem: Problem, seed: int) -> Run:
-    """Descend to the end of the steps.
-
-    The validation set is the training set here, so a step's validation is the loss of
-    its gains without scatter.
-    """
+    """Descend to the end of the steps."""
     seeded = copy.copy(descent)
     seeded.settings = dataclasses.replace(descent.settings, seed=seed)
-    lanes = problem.size * -(-descent.settings.copies // problem.size)
-    gradient = GRADIENT_COST * lanes
+    cost = descent.settings.gradient_cost(problem.size, problem.aggregate)
     run, begun = Run(), time.perf_counter()
     state = seeded.start(problem.start)
-    spent = gradient + problem.size
-    first = float(state.chosen_loss[0])
+    spent = cost
+    first = float(state.loss[0])
     run.note(spent, time.perf_counter() - begun, first, problem.start)
     for _, step in seeded.run(state):
-        spent += gradient + problem.size
-        loss = step.validation if math.isfinite(step.validation) else math.inf
+        spent += cost
+        loss = step.loss if math.isfinite(step.loss) else math.inf
         run.note(spent, time.perf_counter() - begun, loss, step.free)
     return run
 
@@ -184,7 +178,7 @@ def compare(problem: Problem, options: argparse.Namespace) -> tuple[Any, Any]:
     descent = Descent(
         problem.loss,
         problem.members,
-        problem.members,
+        jax.tree.map(lambda x: x[:1], problem.members),
         Settings(steps=options.steps, patience=options.steps, copies=options.copies),
         problem.aggregate,
         guide=problem.guide,

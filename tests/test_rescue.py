@@ -6,38 +6,53 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tuning.descent import Descent
+from tuning.descent_state import Settings
 from tuning.objective import Aggregate
-from tuning.rescue import CANDIDATES, promising_start
+from tuning.rescue import DRAWS, ENOUGH, GENERATIONS, promising_start
+
+ALONE = jnp.zeros((1, 1))
 
 
-def task(loss, start):
+def task(loss):
     return SimpleNamespace(
         loss=lambda free, member: loss(free) + 0.0 * member,
-        space=SimpleNamespace(read=lambda loop: jnp.asarray(start)),
-        loop=None,
         training=jnp.zeros(3),
         aggregate=Aggregate(),
     )
 
 
-def test_a_start_that_runs_is_kept():
-    free, said = promising_start(task(lambda x: jnp.sum(x**2), [1.0, 2.0]), 0)
-    np.testing.assert_array_equal(free, [1.0, 2.0])
-    assert said == ""
+def island(x):
+    """Runs fail beyond 2 of the origin in the first number."""
+    return jnp.where(jnp.abs(x[0]) < 2.0, 1.0 + x[0] ** 2 + x[1] ** 2, jnp.nan)
+
+
+@pytest.mark.parametrize(
+    ("start", "lost"), [([1.0, 0.0], False), ([3.0, 0.0], True), ([1.9, 9.0], True)]
+)
+def test_a_start_is_lost_where_runs_fail_or_count_as_lost(start, lost):
+    settings = Settings(copies=1, spread=0.0)
+    descent = Descent(lambda free, _: island(free), ALONE, ALONE, settings)
+    assert descent.is_lost(jnp.asarray(start)) is lost
 
 
 @pytest.mark.parametrize("start", [3.0, -3.0])
-def test_a_start_that_fails_gives_way_to_the_best_one_near(start):
-    """Runs fail beyond 2: gains far too high and far too low are both brought back."""
-    loss = lambda x: jnp.where(jnp.abs(x[0]) < 2.0, 1.0 + x[0] ** 2, jnp.nan)
-    free, said = promising_start(task(loss, [start, 0.0]), 0)
-    assert abs(float(free[0])) < 2.0
+def test_a_start_that_fails_gives_way_to_a_better_one(start):
+    """Gains far too high and far too low are both brought back."""
+    told = []
+    free, said = promising_start(
+        task(island), jnp.asarray([start, 4.0]), 0, told.append
+    )
+    assert float(island(free)) < ENOUGH
     assert "the starting gains lose the glider (objective 30)" in said
-    assert f"the best of {CANDIDATES - 1}" in said
-    assert f"({1.0 + float(free[0]) ** 2:.3g})" in said
+    assert f"({float(island(free)):.3g})" in said
+    assert f"generation 1/{GENERATIONS}" in told[1]
+    assert len(told) <= GENERATIONS
 
 
 def test_where_all_fail_it_is_said_and_the_start_kept():
-    free, said = promising_start(task(lambda x: jnp.sum(x) * jnp.nan, [1.0, 2.0]), 0)
+    free, said = promising_start(
+        task(lambda x: jnp.sum(x) * jnp.nan), jnp.asarray([1.0, 2.0]), 0
+    )
     np.testing.assert_array_equal(free, [1.0, 2.0])
-    assert "and so do" in said
+    assert f"and so do {DRAWS * GENERATIONS} others" in said

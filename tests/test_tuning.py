@@ -280,6 +280,32 @@ def test_guide_steers_and_loss_judges():
     assert not step.best
 
 
+def test_every_member_has_its_turn_in_the_gradient_and_all_judge():
+    """Member i pulls along axis i alone: a slope shows whose turn it was."""
+    members, settings = jnp.eye(6), Settings(steps=9, batch=2, copies=1, spread=0.0)
+    descent = Descent(lambda x, member: x @ member, members, members, settings)
+    state = descent.start(jnp.ones(6))
+    turns = [np.asarray(state.slope[0])]
+    for _ in range(5):
+        state, step = descent.advance(state)
+        turns.append(np.asarray(state.slope[0]))
+        assert step.loss == pytest.approx(float(jnp.mean(step.free)))
+    np.testing.assert_allclose([np.count_nonzero(slope) for slope in turns], 2)
+    for deal in (turns[:3], turns[3:]):
+        np.testing.assert_allclose(np.sum(deal, axis=0), 0.5)
+    assert not np.array_equal(turns[:3], turns[3:])
+
+
+@pytest.mark.parametrize(
+    ("kind", "members", "batch", "cost"),
+    [("mean", 32, 8, 72), ("mean", 4, 4, 44), ("cvar", 32, 32, 192)],
+)
+def test_a_batch_and_what_a_step_with_it_costs(kind, members, batch, cost):
+    settings, aggregate = Settings(), Aggregate(kind)
+    assert settings.batch_of(members, aggregate) == batch
+    assert settings.gradient_cost(members, aggregate) == cost
+
+
 def test_a_step_over_a_cliff_goes_back_to_the_best_gains():
     cliff = lambda x: jnp.where(x[0] < 1.0, 2.0 - x[0], 50.0 + 0.0 * x[0])
     states, steps = _descend(cliff, jnp.zeros(1), steps=12, learning_rate=0.4)

@@ -36,6 +36,11 @@ def count(text: str) -> int:
     return checked(text, int, lambda n: n >= 1, "a whole number of at least 1")
 
 
+def at_least_four(text: str) -> int:
+    """A whole number of at least four."""
+    return checked(text, int, lambda n: n >= 4, "a whole number of at least 4")
+
+
 def whole(text: str) -> int:
     """A whole number of at least zero."""
     return checked(text, int, lambda n: n >= 0, "a whole number of at least 0")

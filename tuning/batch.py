@@ -32,12 +32,23 @@ def losses(
         aggregate: how members' objectives become one.
         devices: to spread the lanes over.
     """
+    values = member_losses(loss, rows, members, devices)
+    return jax.vmap(aggregate)(values)[0]
+
+
+def member_losses(
+    loss: Loss,
+    rows: jax.Array,
+    members: Any,
+    devices: Sequence[jax.Device] | None = None,
+) -> jax.Array:
+    """The objective of each row on each member, as it counts; see `losses`."""
     count = size(members)
     copies = jnp.repeat(rows[:, None], count, axis=1)
     values = map_members(
         lambda lane: loss(*lane), paired(copies, members), devices=devices
     )
-    return jax.vmap(aggregate)(counted(values.reshape(-1, count)))[0]
+    return counted(values.reshape(-1, count))
 
 
 def paired(copies: jax.Array, members: Any) -> tuple[jax.Array, Any]:

@@ -9,7 +9,6 @@ import numpy as np
 from jaxglider._types import Series
 from tuning.batch import losses, size
 from tuning.derivative_free import (
-    GRADIENT_COST,
     cma_es,
     default_population,
     random_search,
@@ -23,7 +22,12 @@ SPREAD = 0.5
 
 
 def black_box(
-    method: str, task: Task, start: Series, settings: Settings, progress: Progress
+    method: str,
+    task: Task,
+    start: Series,
+    settings: Settings,
+    progress: Progress,
+    population: int | None = None,
 ) -> tuple[Series, list[Step], bool]:
     """Search with the budget that the descent of these settings would have.
 
@@ -31,17 +35,17 @@ def black_box(
         method: `cma` or `random`.
         task: what to tune.
         start: free numbers to start from.
-        settings: of the descent; steps, copies and seed are used.
+        settings: of the descent: what its steps cost, and the seed.
         progress: where to show progress.
+        population: draws per generation; that of CMA-ES by default.
 
     Returns:
         The free numbers that are best on the validation members, the history, and
         whether the search was interrupted.
     """
     members = size(task.training)
-    lanes = members * -(-settings.copies // members)
-    budget = settings.steps * GRADIENT_COST * lanes
-    population = default_population(int(start.shape[0]))
+    budget = settings.steps * settings.gradient_cost(members, task.aggregate)
+    population = population or default_population(int(start.shape[0]))
     search = {"cma": cma_es, "random": random_search}[method](
         _losses(task, start, task.training),
         start,

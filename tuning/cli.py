@@ -114,8 +114,8 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _tune(options: argparse.Namespace) -> int:
-    # One device: 16 of 32 members on each of two cores took twice as long.
-    start_jax(options.precision)
+    # Descent on one device: 16 of 32 members on each of two cores took twice as long.
+    start_jax(options.precision, every_core=options.method != "gradient")
     from tuning.tune import tune
 
     return tune(options)

@@ -98,7 +98,7 @@ def cma_es(
 ) -> Iterator[Generation]:
     """The evolution strategy of Hansen with covariance matrix adaptation.
 
-    Needs the package `cma` and takes its default settings, but for these: a search
+    The package `cma` with its default settings, but for these: a search
     that has converged starts again from the best so far with the first spread, until
     the budget is spent; a generation without a finite loss is drawn again, because it
     ranks nothing.
@@ -117,8 +117,7 @@ def cma_es(
         The start, then each generation.
 
     Raises:
-        ValueError: a number outside its range, a budget too small for a generation, or
-            `cma` is not installed.
+        ValueError: a number outside its range, or a budget too small for a generation.
     """
     count = int(jnp.size(start))
     size = default_population(count) if population is None else population
@@ -191,17 +190,9 @@ class _Ledger:
 
 
 def _strategy_maker(population: int, spread: float, seed: int) -> Callable[..., Any]:
-    """A function that starts the strategy of `cma` at a point.
+    """A function that starts the strategy of `cma` at a point."""
+    import cma
 
-    Raises:
-        ValueError: `cma` is not installed.
-    """
-    try:
-        import cma
-    except ImportError as error:
-        raise ValueError(
-            "CMA-ES needs the package cma; install jaxglider[cma]."
-        ) from error
     random = np.random.default_rng(seed)
     options = {
         "popsize": population,

@@ -5,7 +5,8 @@ orders of magnitude with the horizon and changes within a few percent of the gai
 (`jaxglider check-gradients` shows it). Three things make it useful: the gradient
 forgets what was long ago (`rollout.evaluate`); each lane of the ensemble has its own
 copy of the gains, scattered by a few percent; and its gradient is clipped to norm one
-before the lanes are combined.
+before the lanes are combined. A gradient takes a few members in turn, which costs less
+and leads as far; the step is judged by all of them, at the gains themselves.
 
 A step that makes the objective much worse, or not finite, is refused: back to the gains
 with the best objective so far, with half the step, which then grows again by a tenth
@@ -21,11 +22,12 @@ import jax
 import jax.numpy as jnp
 import jax.random as jr
 import numpy as np
+from jax import lax
 
 from jaxglider._types import Series
 from jaxglider.ensemble import map_members
 from jaxglider.gradient import value_and_gradient
-from tuning.batch import FAILED, Loss, counted, losses, paired, size
+from tuning.batch import FAILED, POOR, Loss, counted, member_losses, paired, size
 from tuning.descent_state import Settings, State, Step
 from tuning.objective import Aggregate, scattered
 from tuning.optimisers import make_optimiser
@@ -66,6 +68,15 @@ class Descent:
         self._look = jax.jit(self._looked)
         self._try = jax.jit(self._tried)
         self._settle = jax.jit(self._settled)
+
+    def is_lost(self, free: Series) -> bool:
+        """Whether the objective there is one of lost runs."""
+        loss, _, _ = self._look(
+            jnp.tile(free, (self.settings.starts, 1)),
+            jnp.asarray(0, jnp.int32),
+            self._members,
+        )
+        return not bool(jnp.min(loss) < POOR)
 
     def start(self, free: Series) -> State:
         """The state before the first step; further starts are scattered around it.
@@ -137,10 +148,14 @@ class Descent:
     def _looked(
         self, free: jax.Array, number: jax.Array, members: tuple[Any, Any]
     ) -> tuple[Series, jax.Array, Series]:
-        """Objective and gradient on the training members, objective on the others."""
-        loss, slope = self._gradients(free, number, members[0])
-        validation = losses(
-            self._loss, free, members[1], self._aggregate, self._devices
+        """Objective on all training members, gradient, objective on the others."""
+        slope = self._gradients(free, number, members[0])
+        count = size(members[0])
+        both = jax.tree.map(lambda *x: jnp.concatenate(x), *members)
+        values = member_losses(self._loss, free, both, self._devices)
+        loss, validation = (
+            jax.vmap(self._aggregate)(part)[0]
+            for part in (values[:, :count], values[:, count:])
         )
         return loss, slope, validation
 
@@ -194,10 +209,9 @@ class Descent:
         )
         return following, refused
 
-    def _gradients(
-        self, free: jax.Array, number: jax.Array, members: Any
-    ) -> tuple[Series, jax.Array]:
-        """Objective and clipped gradient of each row, over scattered copies of it."""
+    def _gradients(self, free: jax.Array, number: jax.Array, members: Any) -> jax.Array:
+        """Clipped gradient of each row on some members, over scattered copies."""
+        members = self._batch(number, members)
         count = size(members)
         lanes = count * -(-self.settings.copies // count)
         key = jr.fold_in(jr.key(self.settings.seed), number)
@@ -215,5 +229,17 @@ class Descent:
         clipped = jnp.where(norm > 1.0, slopes / norm, slopes)
         usable = jnp.isfinite(norm) & jnp.isfinite(values.reshape(-1, 1))
         clipped = jnp.where(usable, clipped, 0.0).reshape(-1, lanes, free.shape[1])
-        value, weights = jax.vmap(self._aggregate)(counted(values))
-        return value, jnp.sum(weights[:, :, None] * clipped, axis=1)
+        _, weights = jax.vmap(self._aggregate)(counted(values))
+        return jnp.sum(weights[:, :, None] * clipped, axis=1)
+
+    def _batch(self, number: jax.Array, members: Any) -> Any:
+        """The members of a step: the ensemble is dealt out anew once all had a turn."""
+        count = size(members)
+        batch = self.settings.batch_of(count, self._aggregate)
+        if batch == count:
+            return members
+        deals = count // batch
+        key = jr.fold_in(jr.key(self.settings.seed), 2**30 + number // deals)
+        order = jr.permutation(key, count)
+        chosen = lax.dynamic_slice(order, (number % deals * batch,), (batch,))
+        return jax.tree.map(lambda x: x[chosen], members)

@@ -8,6 +8,8 @@ import jax
 import numpy as np
 
 from jaxglider._types import Series
+from tuning.derivative_free import GRADIENT_COST
+from tuning.objective import Aggregate
 from tuning.optimisers import make_optimiser
 
 
@@ -19,6 +21,7 @@ class Settings:
         steps: number of gradient steps.
         learning_rate: of the first step, in free numbers (the logarithm of a gain).
         optimiser: name of an optimiser of optax.
+        batch: members of a gradient, in turn; all where not the mean is sought.
         copies: fewest lanes of a gradient; fewer members are used more than once.
         spread: standard deviation of the copies, in free numbers.
         worse: a step to more than this times the best objective is refused.
@@ -35,6 +38,7 @@ class Settings:
     steps: int = 200
     learning_rate: float = 0.3
     optimiser: str = "adam"
+    batch: int = 8
     copies: int = 8
     spread: float = 0.05
     worse: float = 1.5
@@ -49,6 +53,7 @@ class Settings:
         rules = {
             "steps": (self.steps >= 1, "at least 1"),
             "learning_rate": (0.0 < self.learning_rate < float("inf"), "positive"),
+            "batch": (self.batch >= 1, "at least 1"),
             "copies": (self.copies >= 1, "at least 1"),
             "spread": (0.0 <= self.spread < float("inf"), "zero or positive"),
             "worse": (self.worse > 1.0, "above 1"),
@@ -63,6 +68,16 @@ class Settings:
                     f"{name.replace('_', '-')} must be {rule}; "
                     f"received {getattr(self, name)}."
                 )
+
+    def batch_of(self, members: int, aggregate: Aggregate) -> int:
+        """Members of a gradient: a rank or a softmax needs them all."""
+        return members if aggregate.kind != "mean" else min(self.batch, members)
+
+    def gradient_cost(self, members: int, aggregate: Aggregate) -> int:
+        """Rollouts that a step counts as: its gradient, and the loss that judges it."""
+        batch = self.batch_of(members, aggregate)
+        lanes = batch * -(-self.copies // batch)
+        return GRADIENT_COST * lanes + members
 
 
 class State(eqx.Module):
@@ -107,7 +122,7 @@ class Step:
 
     Attributes:
         number: of the step; 0 is the start.
-        loss: objective of the training members, scattered.
+        loss: objective of the training members.
         validation: objective of the validation members, at the gains themselves.
         free: free numbers that were tried.
         refused: they were not taken.

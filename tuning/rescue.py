@@ -1,48 +1,67 @@
-"""A start for gains that cannot be descended from: the best of many scattered ones."""
+"""A start for gains that cannot be descended from: the best that a short search finds.
+
+Where most runs are lost their gradients lead nowhere, but a few hundred draws tell
+which way the gliders survive.
+"""
+
+from collections.abc import Callable
 
 import jax
-import jax.numpy as jnp
-import jax.random as jr
-import numpy as np
 
 from jaxglider._types import Series
-from tuning.batch import POOR, losses
+from tuning.batch import POOR, losses, size
+from tuning.derivative_free import cma_es
 from tuning.task import Task
 
-CANDIDATES, SPREAD = 64, 1.0
-"""How many, and their standard deviation in the logarithm of a gain."""
+GENERATIONS, DRAWS, SPREAD = 12, 64, 0.5
+"""Of the search at most; of a generation; and in the logarithm of a gain."""
+ENOUGH = 0.5 * POOR
+"""Objective with which the search ends early: few runs, if any, are lost."""
 
 
-def promising_start(task: Task, seed: int) -> tuple[Series, str]:
-    """Where to descend from, and what was done about it, in words.
+def promising_start(
+    task: Task,
+    free: Series,
+    seed: int,
+    tell: Callable[[str], None] = lambda text: None,
+) -> tuple[Series, str]:
+    """Where to descend from instead of gains that lose the glider.
 
-    The gains as given, unless their objective is one of lost runs; then the best of
-    some scattered around them.
+    CMA-ES on the training members, until few of them are lost.
 
     Args:
         task: what to tune.
-        seed: of the scattering.
+        free: the gains as given.
+        seed: of the draws.
+        tell: is told how far it is.
+
+    Returns:
+        The best free numbers found, and what was done, in words.
     """
-    free = task.space.read(task.loop)
     run = jax.jit(
         lambda rows: losses(
             task.loss, rows, task.training, task.aggregate, jax.devices()
         )
     )
-    offsets = jr.normal(jr.key(seed), (CANDIDATES, free.shape[0]), free.dtype)
-    rows = free + SPREAD * offsets.at[0].set(0.0)
-    given = float(run(rows[:1])[0])
-    if given < POOR:
-        return free, ""
-    found = np.asarray(run(rows))
-    best = int(np.argmin(found))
-    if not found[best] < given:
+    members = size(task.training)
+    budget = (1 + DRAWS * GENERATIONS) * members
+    found = []
+    for step in cma_es(run, free, budget, DRAWS, SPREAD, seed, members=members):
+        found.append(step)
+        tell(
+            f"the starting gains lose the glider; searching: generation "
+            f"{step.number}/{GENERATIONS}  objective {step.loss:.3g}"
+        )
+        if step.loss < ENOUGH:
+            break
+    given, best = found[0].loss, min(found, key=lambda step: step.loss)
+    if not best.loss < given:
         return free, (
             f"the starting gains lose the glider (objective {given:.3g}), and so do "
-            f"{CANDIDATES - 1} scattered around them; descending all the same."
+            f"{DRAWS * GENERATIONS} others around them; descending all the same."
         )
-    return jnp.asarray(rows[best]), (
+    return best.free, (
         f"the starting gains lose the glider (objective {given:.3g}): descending "
-        f"from the best of {CANDIDATES - 1} scattered around them "
-        f"({found[best]:.3g})."
+        f"from the best that {best.number} generations of a search came to "
+        f"({best.loss:.3g})."
     )

@@ -60,11 +60,7 @@ def tune(options: argparse.Namespace) -> int:
     progress.clear()
     for text in task.space.notes:
         note(text)
-    progress.show("compiling the ensemble ...")
-    start, rescued = promising_start(task, options.seed)
-    progress.clear()
-    if rescued:
-        note(rescued)
+    start, rescued = task.space.read(task.loop), ""
     trust = "" if options.no_check else _trust(task, start, progress)
     try:
         if options.method == "gradient":
@@ -78,13 +74,19 @@ def tune(options: argparse.Namespace) -> int:
                 guide=task.guide,
                 devices=jax.devices(),
             )
+            if not options.resume and descent.is_lost(start):
+                start, rescued = promising_start(
+                    task, start, options.seed, progress.show
+                )
+                progress.clear()
+                note(rescued)
             chosen, history, interrupted = _descend(
                 descent, start, checkpoint, options.resume, progress
             )
         else:
             progress.show("compiling the search ...")
             chosen, history, interrupted = black_box(
-                options.method, task, start, settings, progress
+                options.method, task, start, settings, progress, options.population
             )
     finally:
         progress.clear()

@@ -11,6 +11,7 @@ from tuning.arguments import (
     add_common,
     add_dt,
     add_output,
+    at_least_four,
     below_one,
     count,
     not_negative,
@@ -33,6 +34,13 @@ def add_tune(commands: Any) -> None:
         default="gradient",
         help="cma and random are black-box searches on the same budget, a gradient "
         "counted as five rollouts; default: gradient",
+    )
+    descent.add_argument(
+        "--population",
+        type=at_least_four,
+        metavar="N",
+        help="draws per generation of cma and random, side by side; more for many "
+        "cores or an accelerator; default: 4 + 3 log n, n the numbers tuned",
     )
     descent.add_argument(
         "--steps", type=count, default=200, metavar="N", help="default: 200"
