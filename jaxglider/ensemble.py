@@ -17,7 +17,9 @@ from jax.sharding import Mesh, PartitionSpec
 Result = TypeVar("Result")
 
 BLOCK = 64
-"""Lanes per block: enough to fill the vector units, few enough for the first cache."""
+"""Lanes per block on a CPU: they fill the vector units and fit the first cache."""
+WIDE_BLOCK = 2**14
+"""On an accelerator: they keep it busy, and their seas fit its memory."""
 
 
 def member_keys(seed: int, members: int, first: int = 0) -> jax.Array:
@@ -41,7 +43,7 @@ def map_members(
     function: Callable[[Any], Result],
     members: Any,
     *,
-    block: int = BLOCK,
+    block: int | None = None,
     devices: Sequence[jax.Device] | None = None,
 ) -> Result:
     """Apply a function of one member to all members.
@@ -53,7 +55,7 @@ def map_members(
     Args:
         function: of one member; pure.
         members: pytree of arrays with one leading axis.
-        block: lanes per block.
+        block: lanes per block; what suits the backend by default.
         devices: to spread over; None for no spreading.
 
     Returns:
@@ -68,6 +70,9 @@ def map_members(
             "members must be arrays with one leading axis of the same length; "
             f"received leading axes {sorted(sizes)}."
         )
+    if block is None:
+        platform = devices[0].platform if devices else jax.default_backend()
+        block = BLOCK if platform == "cpu" else WIDE_BLOCK
     if block < 1:
         raise ValueError(f"block must be at least 1; received {block}.")
     count = int(next(iter(sizes))[0])
