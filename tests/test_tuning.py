@@ -333,6 +333,20 @@ def test_descent_stops_on_a_plateau():
     assert len(steps) == 7
 
 
+def test_descent_ends_where_no_gradient_is_finite():
+    @jax.custom_jvp
+    def blind(x):
+        return jnp.sum(x**2)
+
+    @blind.defjvp
+    def _(primals, tangents):
+        return blind(primals[0]), jnp.inf * jnp.vdot(primals[0], tangents[0])
+
+    states, steps = _descend(blind, jnp.ones(2), steps=50)
+    assert [step.usable for step in steps] == [0.0]
+    np.testing.assert_array_equal(states[-1].free, states[0].free)
+
+
 def test_one_wild_gradient_does_not_carry_the_mean_away():
     """Slopes of up to 1e6 in a gentle descent: clipped, none can dominate."""
     spiky = lambda x: x[0] + 1e-3 * jnp.sin(1e9 * x[0])

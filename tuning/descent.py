@@ -71,7 +71,7 @@ class Descent:
 
     def is_lost(self, free: Series) -> bool:
         """Whether the objective there is one of lost runs."""
-        loss, _, _ = self._look(
+        loss, *_ = self._look(
             jnp.tile(free, (self.settings.starts, 1)),
             jnp.asarray(0, jnp.int32),
             self._members,
@@ -102,7 +102,9 @@ class Descent:
     def advance(self, state: State) -> tuple[State, Step]:
         """One step of every descent."""
         tried, optimiser, rate = self._try(state)
-        loss, slope, validation = self._look(tried, state.number + 1, self._members)
+        loss, slope, validation, usable = self._look(
+            tried, state.number + 1, self._members
+        )
         state, refused = self._settle(state, tried, optimiser, loss, slope, validation)
         j = state.leader()
         validation = np.asarray(validation)
@@ -114,22 +116,35 @@ class Descent:
             bool(refused[j]),
             bool(validation[j] == np.asarray(state.chosen_loss)[j]),
             float(rate[j]),
+            float(usable[j]),
         )
         return state, step
 
     def run(self, state: State) -> Iterator[tuple[State, Step]]:
-        """Step until the steps are used up or every descent is on a plateau."""
-        settings = self.settings
+        """Step until the steps are used up or every descent is on a plateau.
+
+        It is a plateau, too, where no lane has had a finite gradient in so many steps
+        that every member had its turn.
+        """
+        settings, blind = self.settings, 0
         while (
             int(state.number) < settings.steps
             and int(np.min(np.asarray(state.since))) < settings.patience
+            and blind < self.deals
         ):
             state, step = self.advance(state)
+            blind = blind + 1 if step.usable == 0.0 and not step.refused else 0
             yield state, step
+
+    @property
+    def deals(self) -> int:
+        """Steps in which every member has its turn in the gradient."""
+        count = size(self._members[0])
+        return count // self.settings.batch_of(count, self._aggregate)
 
     def _started(self, free: jax.Array) -> State:
         number = jnp.asarray(0, jnp.int32)
-        loss, slope, validation = self._look(free, number, self._members)
+        loss, slope, validation, _ = self._look(free, number, self._members)
         return State(
             number,
             free,
@@ -147,9 +162,12 @@ class Descent:
 
     def _looked(
         self, free: jax.Array, number: jax.Array, members: tuple[Any, Any]
-    ) -> tuple[Series, jax.Array, Series]:
-        """Objective on all training members, gradient, objective on the others."""
-        slope = self._gradients(free, number, members[0])
+    ) -> tuple[Series, jax.Array, Series, Series]:
+        """Objective on all training members, gradient, objective on the others.
+
+        And the share of the lanes whose gradient is finite.
+        """
+        slope, usable = self._gradients(free, number, members[0])
         count = size(members[0])
         both = jax.tree.map(lambda *x: jnp.concatenate(x), *members)
         values = member_losses(self._loss, free, both, self._devices)
@@ -157,7 +175,7 @@ class Descent:
             jax.vmap(self._aggregate)(part)[0]
             for part in (values[:, :count], values[:, count:])
         )
-        return loss, slope, validation
+        return loss, slope, validation, usable
 
     def _tried(self, state: State) -> tuple[jax.Array, Any, Series]:
         """Where the next step leads, the optimiser there, and the learning rate."""
@@ -209,7 +227,9 @@ class Descent:
         )
         return following, refused
 
-    def _gradients(self, free: jax.Array, number: jax.Array, members: Any) -> jax.Array:
+    def _gradients(
+        self, free: jax.Array, number: jax.Array, members: Any
+    ) -> tuple[jax.Array, Series]:
         """Clipped gradient of each row on some members, over scattered copies."""
         members = self._batch(number, members)
         count = size(members)
@@ -230,7 +250,8 @@ class Descent:
         usable = jnp.isfinite(norm) & jnp.isfinite(values.reshape(-1, 1))
         clipped = jnp.where(usable, clipped, 0.0).reshape(-1, lanes, free.shape[1])
         _, weights = jax.vmap(self._aggregate)(counted(values))
-        return jnp.sum(weights[:, :, None] * clipped, axis=1)
+        slope = jnp.sum(weights[:, :, None] * clipped, axis=1)
+        return slope, jnp.mean(usable.reshape(-1, lanes), axis=1, dtype=free.dtype)
 
     def _batch(self, number: jax.Array, members: Any) -> Any:
         """The members of a step: the ensemble is dealt out anew once all had a turn."""
@@ -238,8 +259,7 @@ class Descent:
         batch = self.settings.batch_of(count, self._aggregate)
         if batch == count:
             return members
-        deals = count // batch
-        key = jr.fold_in(jr.key(self.settings.seed), 2**30 + number // deals)
+        key = jr.fold_in(jr.key(self.settings.seed), 2**30 + number // self.deals)
         order = jr.permutation(key, count)
-        chosen = lax.dynamic_slice(order, (number % deals * batch,), (batch,))
+        chosen = lax.dynamic_slice(order, (number % self.deals * batch,), (batch,))
         return jax.tree.map(lambda x: x[chosen], members)

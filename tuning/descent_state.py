@@ -128,6 +128,7 @@ class Step:
         refused: they were not taken.
         best: they are the best so far on the validation set.
         learning_rate: in force.
+        usable: share of the lanes whose gradient is finite, at the gains tried.
     """
 
     number: int
@@ -137,3 +138,4 @@ class Step:
     refused: bool
     best: bool
     learning_rate: float
+    usable: float = 1.0

@@ -51,7 +51,7 @@ DEFAULT_WEIGHTS = Weights(
     chattering=0.005,
     crowding=30.0,
     roll=5.0,
-    saturation=1.0,
+    saturation=5.0,
 )
 """Tracking first, attitude before depth, which is won easily; the rest keeps it in the
 funnel, upright, off the buzzer and off the actuators' limits."""

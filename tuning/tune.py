@@ -189,6 +189,13 @@ def _descend(
         progress.clear()
         note("interrupted; keeping the best gains so far (go on with --resume).")
         return state.chosen[state.leader()], history, True
+    if history[-1].usable == 0.0 and not history[-1].refused:
+        progress.clear()
+        note(
+            "the descent ended early: no gradient is finite at these gains, where the "
+            "loop amplifies every difference. Try --method cma, other --gains, a "
+            "shorter --gradient-memory or --precision 64."
+        )
     return state.chosen[state.leader()], history, False
 
 
