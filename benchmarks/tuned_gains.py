@@ -3,8 +3,9 @@
 Tunes every controller on every plant and case with the defaults of `jaxglider tune`,
 copies the gains into the package, and writes a table of what they are worth on members
 that neither descent nor choice has seen. Where the folder `starts` has a file for a
-case, the descent starts from it, else from the paper's gains. Cases can be named to
-make a part again; the table is of all that `--out` holds. Run it in the folder above.
+case, the descent starts from it, else from the paper's gains, and likewise for an
+objective. Cases can be named to make a part again; the table is of all that `--out`
+holds. Run it in the folder above.
 """
 
 import argparse
@@ -62,6 +63,9 @@ def _tune(name: str, out: Path, more: list[str]) -> int:
     case = ("--scenario", scenario, "--plant", plant, "--controller", controller)
     start = STARTS / f"{name}.toml"
     given = ("--gains", str(start)) if start.is_file() else ()
+    objective = STARTS / f"{name}-objective.toml"
+    if objective.is_file():
+        given = (*given, "--objective", str(objective))
     words = ("tune", *case, *given, *more, "--out", str(out))
     command = (sys.executable, "-m", "tuning", *words)
     sys.stderr.write(f"{name}\n")
