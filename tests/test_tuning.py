@@ -313,6 +313,16 @@ def test_a_step_over_a_cliff_goes_back_to_the_best_gains():
     np.testing.assert_array_equal(states[number + 1].free, states[number].best_free)
 
 
+def test_the_costly_part_compiles_once_on_several_devices():
+    settings = Settings(steps=3, copies=2, spread=0.01)
+    descent = Descent(
+        *(lambda free, _: jnp.sum(free**2), ALONE, ALONE, settings),
+        devices=jax.devices(),
+    )
+    assert len(list(descent.run(descent.start(jnp.ones(2))))) == 3
+    assert descent._look._cache_size() == 1
+
+
 def test_what_is_chosen_is_best_on_the_validation_set():
     """Training wants x = 3, validation x = 1: the answer is near 1."""
     settings = Settings(

@@ -71,11 +71,8 @@ class Descent:
 
     def is_lost(self, free: Series) -> bool:
         """Whether the objective there is one of lost runs."""
-        loss, *_ = self._look(
-            jnp.tile(free, (self.settings.starts, 1)),
-            jnp.asarray(0, jnp.int32),
-            self._members,
-        )
+        rows = jnp.tile(free, (self.settings.starts, 1))
+        loss, *_ = self._look_at(rows, jnp.asarray(0, jnp.int32))
         return not bool(jnp.min(loss) < POOR)
 
     def start(self, free: Series) -> State:
@@ -102,9 +99,7 @@ class Descent:
     def advance(self, state: State) -> tuple[State, Step]:
         """One step of every descent."""
         tried, optimiser, rate = self._try(state)
-        loss, slope, validation, usable = self._look(
-            tried, state.number + 1, self._members
-        )
+        loss, slope, validation, usable = self._look_at(tried, state.number + 1)
         state, refused = self._settle(state, tried, optimiser, loss, slope, validation)
         j = state.leader()
         validation = np.asarray(validation)
@@ -144,7 +139,7 @@ class Descent:
 
     def _started(self, free: jax.Array) -> State:
         number = jnp.asarray(0, jnp.int32)
-        loss, slope, validation, _ = self._look(free, number, self._members)
+        loss, slope, validation, _ = self._look_at(free, number)
         return State(
             number,
             free,
@@ -159,6 +154,12 @@ class Descent:
             validation,
             jnp.zeros(free.shape[0], jnp.int32),
         )
+
+    def _look_at(
+        self, free: jax.Array, number: jax.Array
+    ) -> tuple[Series, jax.Array, Series, Series]:
+        """By way of the host: what lies on several devices would compile anew."""
+        return self._look(*jax.device_get((free, number)), self._members)
 
     def _looked(
         self, free: jax.Array, number: jax.Array, members: tuple[Any, Any]

@@ -90,7 +90,8 @@ def tune(options: argparse.Namespace) -> int:
             )
     finally:
         progress.clear()
-    tuned = task.space.write(task.loop, chosen)
+    # By way of the host, off all devices but one: else judging would compile twice.
+    tuned = task.space.write(task.loop, jnp.asarray(jax.device_get(chosen)))
     progress.show("judging on held-out members ...")
     judged = verdict(task, tuned)
     progress.clear()
