@@ -5,9 +5,13 @@ import subprocess
 import sys
 import warnings
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from jaxglider import _compile, enable_fast_loops
+from jaxglider._compile import apart
 
 
 @pytest.fixture(autouse=True)
@@ -172,3 +176,23 @@ def test_options_of_the_backend_that_the_user_gives_are_extended(monkeypatch):
     assert "xla_cpu_small_while_loop_byte_threshold=1000000000" in values
     assert "xla_cpu_disable_loop_unrolling=false" in values
     assert "xla_cpu_disable_loop_unrolling=true" not in values
+
+
+def test_a_function_apart_is_called_and_not_merged_and_stays_itself():
+    def wave(x):
+        return jnp.sin(x) * x, jnp.clip(x, -1.0, 1.0)
+
+    kept, x = apart(wave), jnp.linspace(-2.0, 2.0, 7)
+    lowered = jax.jit(lambda x: kept(x)[0] + kept(x)[1]).lower(x).as_text()
+    calls = [line for line in lowered.splitlines() if "call @" in line]
+    marked = [line for line in calls if 'inlineable = "false"' in line]
+    assert len(marked) == 2
+    # What is called inside it, as the clip is, is merged as ever.
+    assert all("wave" in line for line in marked)
+    assert len(calls) > len(marked)
+    for ours, plain in zip(kept(x), wave(x), strict=True):
+        np.testing.assert_array_equal(ours, plain)
+    slope = jax.vmap(jax.grad(lambda x: kept(x)[0]))(x)
+    np.testing.assert_allclose(slope, np.sin(x) + x * np.cos(x), rtol=1e-14)
+    _, tangent = jax.jvp(lambda x: kept(x)[0], (x,), (jnp.ones_like(x),))
+    np.testing.assert_allclose(tangent, slope, rtol=1e-14)
