@@ -27,6 +27,19 @@ def add_tune(commands: Any) -> None:
     parser = commands.add_parser("tune", help=text, description=text + ".")
     _add_task(parser)
     _add_ensemble(parser)
+    _add_descent(parser)
+    parser.add_argument(
+        "--no-check",
+        action="store_true",
+        help="do not check the gradient against differences first",
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help="go on from the checkpoint in --out"
+    )
+    add_common(parser, "results/tune")
+
+
+def _add_descent(parser: argparse.ArgumentParser) -> None:
     descent = parser.add_argument_group("descent")
     descent.add_argument(
         "--method",
@@ -89,15 +102,6 @@ def add_tune(commands: Any) -> None:
         metavar="N",
         help="of members and copies; default: 0",
     )
-    descent.add_argument(
-        "--no-check",
-        action="store_true",
-        help="do not check the gradient against differences first",
-    )
-    descent.add_argument(
-        "--resume", action="store_true", help="go on from the checkpoint in --out"
-    )
-    add_common(parser, "results/tune")
 
 
 def add_check(commands: Any) -> None:
