@@ -14,7 +14,7 @@ import numpy as np
 from jax import lax
 
 from jaxglider._types import Scalar
-from jaxglider.elementary import once
+from jaxglider.numerics import once
 
 State = TypeVar("State")
 

@@ -77,7 +77,7 @@ class ErrorTransformation(Container):
             bound: P, P', P'' now.
         """
         width, width1, width2 = bound.value, bound.rate, bound.acceleration
-        # Divisions are slow; these two are the only ones in a tick.
+        # Divisions are slow: one by the width, one by the distances to both edges.
         narrow = 1.0 / width
         x = error * narrow
         x1 = (error_rate - x * width1) * narrow

@@ -6,34 +6,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tuning.descent import Descent
-from tuning.descent_state import Settings
+from tuning.batch import losses
 from tuning.objective import Aggregate
 from tuning.rescue import DRAWS, ENOUGH, GENERATIONS, promising_start
 
-ALONE = jnp.zeros((1, 1))
-
 
 def task(loss):
+    members = jnp.zeros(3)
+    each = lambda free, member: loss(free) + 0.0 * member
     return SimpleNamespace(
-        loss=lambda free, member: loss(free) + 0.0 * member,
-        training=jnp.zeros(3),
-        aggregate=Aggregate(),
+        training=members,
+        losses_on=lambda members: lambda rows: losses(each, rows, members, Aggregate()),
     )
 
 
 def island(x):
     """Runs fail beyond 2 of the origin in the first number."""
     return jnp.where(jnp.abs(x[0]) < 2.0, 1.0 + x[0] ** 2 + x[1] ** 2, jnp.nan)
-
-
-@pytest.mark.parametrize(
-    ("start", "lost"), [([1.0, 0.0], False), ([3.0, 0.0], True), ([1.9, 9.0], True)]
-)
-def test_a_start_is_lost_where_runs_fail_or_count_as_lost(start, lost):
-    settings = Settings(copies=1, spread=0.0)
-    descent = Descent(lambda free, _: island(free), ALONE, ALONE, settings)
-    assert descent.is_lost(jnp.asarray(start)) is lost
 
 
 @pytest.mark.parametrize("start", [3.0, -3.0])

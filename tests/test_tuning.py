@@ -353,8 +353,28 @@ def test_descent_ends_where_no_gradient_is_finite():
         return blind(primals[0]), jnp.inf * jnp.vdot(primals[0], tangents[0])
 
     states, steps = _descend(blind, jnp.ones(2), steps=50)
-    assert [step.usable for step in steps] == [0.0]
-    np.testing.assert_array_equal(states[-1].free, states[0].free)
+    assert steps == []
+    assert int(states[0].blind[0]) == 1
+
+
+def test_one_blind_descent_does_not_end_the_others():
+    """No gradient below zero: of starts on both sides those above go on."""
+
+    @jax.custom_jvp
+    def half_blind(x):
+        return jnp.sum(x**2)
+
+    @half_blind.defjvp
+    def _(primals, tangents):
+        slope = jnp.where(primals[0] > 0.0, 2.0 * primals[0], jnp.nan)
+        return half_blind(primals[0]), jnp.sum(slope * tangents[0])
+
+    options = {"starts": 8, "start_spread": 1.0, "learning_rate": 0.05}
+    states, steps = _descend(half_blind, jnp.full(1, -0.1), steps=6, **options)
+    assert len(steps) == 6
+    blind = np.asarray(states[0].blind)
+    assert set(blind) == {0, 1}
+    assert blind[0] == 1
 
 
 def test_one_wild_gradient_does_not_carry_the_mean_away():

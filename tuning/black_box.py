@@ -1,13 +1,10 @@
 """Black-box search on the free numbers and members of a tuning task."""
 
-from typing import Any
-
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxglider._types import Series
-from tuning.batch import losses, size
+from tuning.batch import size
 from tuning.derivative_free import (
     cma_es,
     default_population,
@@ -47,7 +44,7 @@ def black_box(
     budget = settings.steps * settings.gradient_cost(members, task.aggregate)
     population = population or default_population(int(start.shape[0]))
     search = {"cma": cma_es, "random": random_search}[method](
-        _losses(task, start, task.training),
+        task.losses_on(task.training),
         start,
         budget,
         population,
@@ -55,7 +52,7 @@ def black_box(
         settings.seed,
         members=members,
     )
-    validate = _losses(task, start, task.validation)
+    validate = task.losses_on(task.validation)
     history: list[Step] = []
     try:
         for found in search:
@@ -86,14 +83,6 @@ def black_box(
         note("interrupted; keeping the best gains so far.")
         return _best(history), history, True
     return _best(history), history, False
-
-
-def _losses(task: Task, start: Series, members: Any) -> Any:
-    """Compiled: the objective of each row of free numbers on some members."""
-    run = jax.jit(
-        lambda rows: losses(task.loss, rows, members, task.aggregate, jax.devices())
-    )
-    return lambda rows: run(jnp.asarray(rows, start.dtype))
 
 
 def _best(history: list[Step]) -> Series:

@@ -27,7 +27,7 @@ from jax import lax
 from jaxglider._types import Series
 from jaxglider.ensemble import map_members
 from jaxglider.gradient import value_and_gradient
-from tuning.batch import FAILED, POOR, Loss, counted, member_losses, paired, size
+from tuning.batch import FAILED, Loss, counted, member_losses, paired, size
 from tuning.descent_state import Settings, State, Step
 from tuning.objective import Aggregate, scattered
 from tuning.optimisers import make_optimiser
@@ -69,38 +69,23 @@ class Descent:
         self._try = jax.jit(self._tried)
         self._settle = jax.jit(self._settled)
 
-    def is_lost(self, free: Series) -> bool:
-        """Whether the objective there is one of lost runs."""
-        rows = jnp.tile(free, (self.settings.starts, 1))
-        loss, *_ = self._look_at(rows, jnp.asarray(0, jnp.int32))
-        return not bool(jnp.min(loss) < POOR)
-
     def start(self, free: Series) -> State:
-        """The state before the first step; further starts are scattered around it.
-
-        Raises:
-            FloatingPointError: the objective is not finite at any of the starts.
-        """
+        """The state before the first step; further starts are scattered around it."""
         settings = self.settings
         offsets = settings.start_spread * jr.normal(
             jr.fold_in(jr.key(settings.seed), 2**31),
             (settings.starts, free.shape[0]),
             free.dtype,
         )
-        state = self._started(free + offsets.at[0].set(0.0))
-        if not np.any(np.asarray(state.loss) < FAILED):
-            raise FloatingPointError(
-                "the objective is not finite at the starting gains, for no member; "
-                "start from gains that complete the run (--gains), or scatter several "
-                "starts around these (--starts)."
-            )
-        return state
+        return self._started(free + offsets.at[0].set(0.0))
 
     def advance(self, state: State) -> tuple[State, Step]:
         """One step of every descent."""
         tried, optimiser, rate = self._try(state)
         loss, slope, validation, usable = self._look_at(tried, state.number + 1)
-        state, refused = self._settle(state, tried, optimiser, loss, slope, validation)
+        state, refused = self._settle(
+            state, tried, optimiser, loss, slope, validation, usable
+        )
         j = state.leader()
         validation = np.asarray(validation)
         step = Step(
@@ -111,25 +96,33 @@ class Descent:
             bool(refused[j]),
             bool(validation[j] == np.asarray(state.chosen_loss)[j]),
             float(rate[j]),
-            float(usable[j]),
         )
         return state, step
 
     def run(self, state: State) -> Iterator[tuple[State, Step]]:
-        """Step until the steps are used up or every descent is on a plateau.
+        """Step until the steps are used up or every descent is on a plateau, or blind.
 
-        It is a plateau, too, where no lane has had a finite gradient in so many steps
-        that every member had its turn.
+        Raises:
+            FloatingPointError: the objective is not finite at any of the starts.
         """
-        settings, blind = self.settings, 0
+        if not np.any(np.asarray(state.best_loss) < FAILED):
+            raise FloatingPointError(
+                "the objective is not finite at the starting gains, for no member; "
+                "start from gains that complete the run (--gains), or scatter several "
+                "starts around these (--starts)."
+            )
+        settings = self.settings
         while (
             int(state.number) < settings.steps
             and int(np.min(np.asarray(state.since))) < settings.patience
-            and blind < self.deals
+            and not self.is_blind(state)
         ):
             state, step = self.advance(state)
-            blind = blind + 1 if step.usable == 0.0 and not step.refused else 0
             yield state, step
+
+    def is_blind(self, state: State) -> bool:
+        """Whether no descent had a finite gradient while every member had its turn."""
+        return int(np.min(np.asarray(state.blind))) >= self.deals
 
     @property
     def deals(self) -> int:
@@ -139,7 +132,7 @@ class Descent:
 
     def _started(self, free: jax.Array) -> State:
         number = jnp.asarray(0, jnp.int32)
-        loss, slope, validation, _ = self._look_at(free, number)
+        loss, slope, validation, usable = self._look_at(free, number)
         return State(
             number,
             free,
@@ -153,20 +146,21 @@ class Descent:
             free,
             validation,
             jnp.zeros(free.shape[0], jnp.int32),
+            jnp.where(usable, 0, 1).astype(jnp.int32),
         )
 
     def _look_at(
         self, free: jax.Array, number: jax.Array
-    ) -> tuple[Series, jax.Array, Series, Series]:
+    ) -> tuple[Series, jax.Array, Series, jax.Array]:
         """By way of the host: what lies on several devices would compile anew."""
         return self._look(*jax.device_get((free, number)), self._members)
 
     def _looked(
         self, free: jax.Array, number: jax.Array, members: tuple[Any, Any]
-    ) -> tuple[Series, jax.Array, Series, Series]:
+    ) -> tuple[Series, jax.Array, Series, jax.Array]:
         """Objective on all training members, gradient, objective on the others.
 
-        And the share of the lanes whose gradient is finite.
+        And whether any lane's gradient is finite.
         """
         slope, usable = self._gradients(free, number, members[0])
         count = size(members[0])
@@ -196,6 +190,7 @@ class Descent:
         loss: Series,
         slope: jax.Array,
         validation: Series,
+        usable: jax.Array,
     ) -> tuple[State, jax.Array]:
         """The state after a step, and which steps were refused."""
         settings = self.settings
@@ -225,13 +220,17 @@ class Descent:
             either(chosen, tried, state.chosen),
             either(chosen, validation, state.chosen_loss),
             jnp.where(progress, 0, state.since + 1),
+            jnp.where(usable | refused, 0, state.blind + 1),
         )
         return following, refused
 
     def _gradients(
         self, free: jax.Array, number: jax.Array, members: Any
-    ) -> tuple[jax.Array, Series]:
-        """Clipped gradient of each row on some members, over scattered copies."""
+    ) -> tuple[jax.Array, jax.Array]:
+        """Clipped gradient of each row on some members, over scattered copies.
+
+        And whether it is of any lane at all.
+        """
         members = self._batch(number, members)
         count = size(members)
         lanes = count * -(-self.settings.copies // count)
@@ -252,7 +251,7 @@ class Descent:
         clipped = jnp.where(usable, clipped, 0.0).reshape(-1, lanes, free.shape[1])
         _, weights = jax.vmap(self._aggregate)(counted(values))
         slope = jnp.sum(weights[:, :, None] * clipped, axis=1)
-        return slope, jnp.mean(usable.reshape(-1, lanes), axis=1, dtype=free.dtype)
+        return slope, jnp.any(usable.reshape(-1, lanes), axis=1)
 
     def _batch(self, number: jax.Array, members: Any) -> Any:
         """The members of a step: the ensemble is dealt out anew once all had a turn."""

@@ -96,6 +96,7 @@ class State(eqx.Module):
         chosen: free numbers that are best on the validation set.
         chosen_loss: validation objective there.
         since: steps since the validation objective last made progress.
+        blind: steps in a row without a finite gradient in any lane.
     """
 
     number: jax.Array
@@ -110,6 +111,7 @@ class State(eqx.Module):
     chosen: jax.Array
     chosen_loss: Series
     since: jax.Array
+    blind: jax.Array
 
     def leader(self) -> int:
         """The descent that is best on the validation set so far."""
@@ -128,7 +130,6 @@ class Step:
         refused: they were not taken.
         best: they are the best so far on the validation set.
         learning_rate: in force.
-        usable: share of the lanes whose gradient is finite, at the gains tried.
     """
 
     number: int
@@ -138,4 +139,3 @@ class Step:
     refused: bool
     best: bool
     learning_rate: float
-    usable: float = 1.0

@@ -6,10 +6,8 @@ which way the gliders survive.
 
 from collections.abc import Callable
 
-import jax
-
 from jaxglider._types import Series
-from tuning.batch import POOR, losses, size
+from tuning.batch import POOR, size
 from tuning.derivative_free import cma_es
 from tuning.task import Task
 
@@ -38,11 +36,7 @@ def promising_start(
     Returns:
         The best free numbers found, and what was done, in words.
     """
-    run = jax.jit(
-        lambda rows: losses(
-            task.loss, rows, task.training, task.aggregate, jax.devices()
-        )
-    )
+    run = task.losses_on(task.training)
     members = size(task.training)
     budget = (1 + DRAWS * GENERATIONS) * members
     found = []

@@ -10,6 +10,7 @@ import jax
 
 from jaxglider import paper
 from jaxglider._toml import ConfigError, Table, read_toml
+from jaxglider._types import Series
 from jaxglider.config import load_uncertainty
 from jaxglider.ensemble import map_members
 from jaxglider.metrics import Metrics
@@ -18,7 +19,7 @@ from jaxglider.rollout import ClosedLoop, evaluate, sparse_checkpoints
 from jaxglider.scenario import Scenario
 from jaxglider.uncertainty import Uncertainty
 from jaxglider.vehicle.design_model import DesignModel
-from tuning.batch import size
+from tuning.batch import losses, size
 from tuning.gain_files import resolve
 from tuning.members import (
     TEST,
@@ -113,6 +114,12 @@ class Task:
         if clock.ticks * states <= STATES_LIMIT:
             return 1
         return sparse_checkpoints(clock.ticks)
+
+    def losses_on(self, members: Member) -> Callable[[Any], Series]:
+        """Compiled: the objective of each row of free numbers on some members."""
+        return jax.jit(
+            lambda rows: losses(self.loss, rows, members, self.aggregate, jax.devices())
+        )
 
     def on_members(self) -> Callable[[ClosedLoop, Member], Metrics]:
         """Compiled: the metrics of a closed loop on each of some members."""

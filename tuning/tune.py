@@ -19,11 +19,11 @@ from jaxglider.gains import encode
 from jaxglider.io import provenance, write_json, write_text
 from jaxglider.rollout import ClosedLoop
 from jaxglider.scenario import Clock
-from tuning.batch import size
+from tuning.batch import POOR, size
 from tuning.black_box import black_box
 from tuning.checkpoint import Checkpoint
 from tuning.descent import Descent
-from tuning.descent_state import Settings, Step
+from tuning.descent_state import Settings, State, Step
 from tuning.gradient_check import SHORT_STEPS, check_gradient
 from tuning.members import nominal_member
 from tuning.progress import Progress, note
@@ -74,14 +74,16 @@ def tune(options: argparse.Namespace) -> int:
                 guide=task.guide,
                 devices=jax.devices(),
             )
-            if not options.resume and descent.is_lost(start):
+            state = descent.start(start)
+            if not options.resume and bool(jnp.min(state.loss) >= POOR):
                 start, rescued = promising_start(
                     task, start, options.seed, progress.show
                 )
                 progress.clear()
                 note(rescued)
+                state = descent.start(start)
             chosen, history, interrupted = _descend(
-                descent, start, checkpoint, options.resume, progress
+                descent, state, checkpoint, options.resume, progress
             )
         else:
             progress.show("compiling the search ...")
@@ -151,13 +153,12 @@ def _content(value: Any) -> Any:
 
 def _descend(
     descent: Descent,
-    free: Series,
+    state: State,
     checkpoint: Checkpoint,
     resume: bool,
     progress: Progress,
 ) -> tuple[Series, list[Step], bool]:
     """Descend to the end or to an interruption; what was reached is kept."""
-    state = descent.start(free)
     leader = state.leader()
     start = Step(
         0,
@@ -190,7 +191,7 @@ def _descend(
         progress.clear()
         note("interrupted; keeping the best gains so far (go on with --resume).")
         return state.chosen[state.leader()], history, True
-    if history[-1].usable == 0.0 and not history[-1].refused:
+    if descent.is_blind(state):
         progress.clear()
         note(
             "the descent ended early: no gradient is finite at these gains, where the "
