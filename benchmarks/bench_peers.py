@@ -23,7 +23,7 @@ from peers.problem import METRICS, Problem, metric_rows, parameter_rows
 import jaxglider
 
 JAXGLIDER, BEST_C, PLAIN_C = "jaxglider", "C, best", "C, plain"
-TOLERANCE = {64: (1e-9, 1e-12), 32: (1e-3, 1e-5)}
+TOLERANCE = {64: (1e-9, 1e-12), 32: (1e-4, 1e-5)}
 """Relative and absolute; shares of time may differ by one tick besides."""
 
 Evaluate = Callable[[np.ndarray, int, int], np.ndarray]
@@ -55,8 +55,9 @@ class Setting:
         """A compiled run of a peer that is written in JAX."""
         with self.wide():
             loop, sea = measuring.case("fxtppc", "printed", ticks)
-            members = jax.tree.map(lambda x: x[:count], self.members)
             devices = jax.devices()[:cores] if cores > 1 else None
+            members = jax.tree.map(lambda x: x[:count], self.members)
+            members = measuring.spread(members, devices)
             batch = measuring.batch_of(evaluate, loop, sea, devices)
             program, _ = measuring.compiled(batch, members)
 
@@ -118,11 +119,16 @@ def disagreements(
 
 
 def check(peers: tuple[dict, dict], precision: int, ticks: int, members: int) -> bool:
-    """Whether all agree with jaxglider in double precision; says which do not."""
+    """Whether all agree with jaxglider in double precision; says which do not.
+
+    A glider that rolls past 90 degrees magnifies rounding: it is compared in double
+    precision only.
+    """
     hosts, traced = peers
     double = Setting(64, members, ticks)
     run = double.traced(jaxglider.evaluate, members, ticks, 1)
     reference = metric_rows(run())
+    upright = reference[METRICS.index("max_roll")] < 0.5 * np.pi
     good = True
     for bits in sorted({64, precision}, reverse=True):
         setting = double if bits == 64 else Setting(bits, members, ticks)
@@ -134,11 +140,12 @@ def check(peers: tuple[dict, dict], precision: int, ticks: int, members: int) ->
             if bits != 64 or name != JAXGLIDER:
                 run = setting.traced(peer, members, ticks, 1)
                 results[name] = metric_rows(run())
+        kept = upright if bits == 32 else np.full_like(upright, True)
         for name, found in results.items():
-            bad = disagreements(reference, found, bits, ticks)
+            bad = disagreements(reference[:, kept], found[:, kept], bits, ticks)
             good = good and not bad
             verdict = "agrees" if not bad else "DISAGREES: " + "; ".join(bad)
-            measuring.say(f"float{bits} {name}: {verdict}")
+            measuring.say(f"float{bits} {name}: {verdict} ({kept.sum()} members)")
     return good
 
 

@@ -32,6 +32,7 @@ def prepared(
         nominal = loop.scenario.plant.parameters
         members = measuring.draw_members(nominal, count, precision)
         devices = jax.devices()[:cores] if cores > 1 else None
+        members = measuring.spread(members, devices)
         batch = measuring.batch_of(evaluate, loop, sea, devices)
         program, cost = measuring.compiled(batch, members)
 

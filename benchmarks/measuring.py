@@ -28,6 +28,7 @@ jaxglider.enable_fast_loops()
 import equinox as eqx
 import jax
 import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from matplotlib.figure import Figure
 from peers.problem import draw_members as draw_members
 
@@ -65,6 +66,14 @@ def batch_of(
         return evaluate(eqx.tree_at(where, loop, parameters), sea)
 
     return lambda members: map_members(member, members, devices=devices, **options)
+
+
+def spread(members: Any, devices: Sequence[Any] | None) -> Any:
+    """The members, each share already on the device that is to compute it."""
+    if not devices or len(jax.tree.leaves(members)[0]) % len(devices):
+        return members
+    mesh = Mesh(np.asarray(devices), ("members",))
+    return jax.device_put(members, NamedSharding(mesh, PartitionSpec("members")))
 
 
 def case(controller: str, plant: str, ticks: int, dt: float = 0.05) -> tuple[Any, Any]:

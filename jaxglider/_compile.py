@@ -149,11 +149,11 @@ def apart(function: F) -> F:
     if set_xla_metadata is None:
         return function
 
+    @functools.wraps(function)
     def merged(*arguments: Any) -> Any:
         with set_xla_metadata(inlineable=None):
             return function(*arguments)
 
-    merged.__name__ = function.__name__
     compiled = jax.jit(merged)
 
     @functools.wraps(function)

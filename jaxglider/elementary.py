@@ -68,11 +68,18 @@ def sincos(angle: Scalar) -> tuple[Scalar, Scalar]:
     first, second, third = kind.pi
     turns = jnp.floor(angle * (1.0 / math.pi) + 0.5)
     y = ((angle - turns * first) - turns * second) - turns * third
-    sign = 1.0 - 2.0 * (turns - 2.0 * jnp.floor(0.5 * turns))
+    # Adding 1.5 · 2^mantissa_bits puts the parity into the last bit: the sign.
+    parity = lax.bitcast_convert_type(turns + 1.5 * 2.0**kind.mantissa_bits, kind.whole)
+    sign = parity << (kind.mantissa_bits + kind.exponent_bits)
     signs = [(-1.0) ** n for n in range(kind.sincos_terms)]
     sine = [s / math.factorial(2 * n + 1) for n, s in enumerate(signs)]
     cosine = [s / math.factorial(2 * n) for n, s in enumerate(signs)]
-    return sign * y * horner(y * y, sine), sign * horner(y * y, cosine)
+
+    def signed(x: Scalar) -> Scalar:
+        turned = lax.bitcast_convert_type(x, kind.whole) ^ sign
+        return lax.bitcast_convert_type(turned, x.dtype)
+
+    return signed(y * horner(y * y, sine)), signed(horner(y * y, cosine))
 
 
 @sincos.defjvp

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxglider._types import Counter, Scalar
 from jaxglider.elementary import arctan as arctan
 from jaxglider.elementary import exp2, log2
+from jaxglider.elementary import horner as horner
 from jaxglider.elementary import once as once
 from jaxglider.elementary import sincos as sincos
 
@@ -96,61 +97,40 @@ def select(index: Counter, values: Sequence[Scalar]) -> Scalar:
     return chosen
 
 
-@partial(jax.custom_jvp, nondiff_argnums=(0, 1))
-def monotone_root(
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def implicit_root(
     function: Callable[[Scalar, Any], tuple[Scalar, Scalar]],
-    steps: int,
+    root: Scalar,
     target: Scalar,
-    start: Scalar,
     parameters: Any,
 ) -> Scalar:
-    """Solve function(y, parameters) = target for y, by Newton's method kept in bracket.
+    """A root of function(y, parameters) = target, with its derivative.
 
-    The function gives its value and its slope in y. It must vanish at zero and rise
-    with slope one or more; the root then lies between zero and the target. A Newton
-    step that leaves the bracket is replaced by a bisection. The derivative is that of
-    the exact root, by the implicit function theorem, and never runs through the
-    iterations.
+    The value is the root as it was found; the derivative is that of the exact root, by
+    the implicit function theorem, however it was found.
 
     Args:
-        function: the rising function of y and of `parameters`.
-        steps: number of iterations, fixed.
+        function: gives its value and its slope in y; the slope is not zero.
+        root: y; not differentiated.
         target: right-hand side.
-        start: first guess, the better the fewer steps are needed; not differentiated.
-        parameters: pytree of the function's other arguments; differentiated.
-
-    Returns:
-        The root y.
+        parameters: pytree of the function's other arguments.
     """
-    low, high = jnp.minimum(target, 0.0), jnp.maximum(target, 0.0)
-    y = jnp.clip(start, low, high)
-    for _ in range(steps):
-        value, slope = function(y, parameters)
-        # The sides follow the step: a residual of rounding size can differ in sign
-        # from one compiled copy of its formula to the next.
-        step = (value - target) / slope
-        low, high = jnp.where(step > 0.0, low, y), jnp.where(step > 0.0, y, high)
-        newton = y - step
-        inside = (newton >= low) & (newton <= high)
-        y = jnp.where(inside, newton, 0.5 * (low + high))
-    return y
+    return root
 
 
-@monotone_root.defjvp
-def _monotone_root_jvp(
+@implicit_root.defjvp
+def _implicit_root_jvp(
     function: Callable[[Scalar, Any], tuple[Scalar, Scalar]],
-    steps: int,
     primals: tuple[Scalar, Scalar, Any],
     tangents: tuple[Scalar, Scalar, Any],
 ) -> tuple[Scalar, Scalar]:
-    target, start, parameters = primals
-    target_dot, _, parameters_dot = tangents
-    y = monotone_root(function, steps, target, start, parameters)
-    _, slope = function(y, parameters)
+    root, _, parameters = primals
+    _, target_dot, parameters_dot = tangents
+    _, slope = function(root, parameters)
     _, value_dot = jax.jvp(
-        lambda p: function(y, p)[0], (parameters,), (parameters_dot,)
+        lambda p: function(root, p)[0], (parameters,), (parameters_dot,)
     )
-    return y, (target_dot - value_dot) / slope
+    return root, (target_dot - value_dot) / slope
 
 
 def solve_symmetric(

@@ -24,8 +24,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
 
+from jaxglider._compile import apart
 from jaxglider._types import Container, Scalar, as_float, check_interval
-from jaxglider.numerics import monotone_root, smooth_abs
+from jaxglider.numerics import implicit_root, once
 from jaxglider.signals import BodyAxes, Command, GliderState, Measurement, each, zeros
 from jaxglider.vehicle.design_model import DesignModel
 
@@ -184,22 +185,58 @@ def observer_root(
 ) -> Scalar:
     """Solve y + a₁ φ₁(y) + a₂ φ₂(y) = b for y.
 
-    The first guess solves the quadratic that the terms in y and y² make, with the
-    square-root term taken at b.
+    Within 1e-9 after three steps, to rounding after four, for gains from a tenth of the
+    paper's to ten times them. The derivative is that of the exact root and never runs
+    through the iterations.
 
     Args:
         target: b.
         gains: a₁ = Δt ι₁, a₂ = Δt² ι₂, ς and the smoothing δ.
         steps: number of Newton steps.
     """
+
+    @apart
+    def newton_root(target: Scalar, gains: tuple[Scalar, ...]) -> Scalar:
+        return _newton_root(target, gains, steps)
+
+    found = newton_root(*lax.stop_gradient((target, gains)))
+    return implicit_root(_left_side, found, target, gains)
+
+
+def _newton_root(target: Scalar, gains: tuple[Scalar, ...], steps: int) -> Scalar:
+    """The root, by Newton's method on r = (y² + δ²)^¼.
+
+    The left side is y P(r)/r² with a polynomial P, hence y = b r²/P(r), and r is the
+    root of F(r) = r⁴ − δ² − b² r⁴/P². The steps are Newton's for F √P/r², which is
+    nearly straight, with all fractions taken out: N = F P².
+
+    The first guess solves the quadratic that the terms in y and y² make, with the
+    square-root term taken at b.
+    """
     a1, a2, stretch, smoothing = gains
-    size = jnp.abs(target)
-    linear = 1.0 + 2.0 * a2 * stretch + a1 * lax.rsqrt(smooth_abs(target, smoothing))
-    square = 1.5 * a2 * stretch * stretch
+    size, floor = jnp.abs(target), smoothing * smoothing
+    p0, p2 = 0.5 * a2, 1.0 + 2.0 * a2 * stretch
+    p3, p4 = a1 * stretch, 1.5 * a2 * stretch * stretch
     # The half sign of φ₂: a constant far from zero, a steep slope near it.
-    rest = jnp.maximum(size - 0.5 * a2, size * (1.0 / (1.0 + 0.5 * a2 / smoothing)))
-    guess = 2.0 * rest / (linear + jnp.sqrt(linear * linear + 4.0 * square * rest))
-    return monotone_root(_left_side, steps, target, jnp.sign(target) * guess, gains)
+    rest = jnp.maximum(size - p0, size * (smoothing / (smoothing + p0)))
+    linear = p2 + a1 * lax.rsqrt(size + smoothing)
+    guess = 2.0 * rest / (linear + jnp.sqrt(linear * linear + 4.0 * p4 * rest))
+    # √(y² + δ²) within 8 %.
+    length = jnp.maximum(guess, smoothing) + 0.41 * jnp.minimum(guess, smoothing)
+    r = jnp.sqrt(length)
+    pull = target * target
+    for _ in range(steps):
+        r = once(r)
+        q = r * r
+        u, v, w, fourth = a1 * r, p3 * r, p4 * q, q * q
+        p = (p0 + u) + q * ((p2 + v) + w)
+        rise = u + q * ((2.0 * p2 + 3.0 * v) + 4.0 * w)
+        squared, pulled = p * p, pull * fourth
+        n = (fourth - floor) * squared - pulled
+        slope = 2.0 * (n + 2.0 * floor * squared) * p + (2.0 * pulled + 0.5 * n) * rise
+        r = r * jnp.clip(1.0 - p * n / slope, 0.5, 2.0)
+    q = r * r
+    return target * q / ((p0 + a1 * r) + q * ((p2 + p3 * r) + p4 * q))
 
 
 def _left_side(
@@ -223,5 +260,7 @@ def _left_side(
 
 
 def _phi2(y: Scalar, stretch: Scalar, smoothing: Scalar) -> Scalar:
-    size = smooth_abs(y, smoothing)
-    return y * (0.5 / size + 2.0 * stretch + 1.5 * stretch * stretch * size)
+    squared = y * y + smoothing * smoothing
+    inverse = lax.rsqrt(squared)
+    far = 1.5 * stretch * stretch * (squared * inverse)
+    return y * (0.5 * inverse + 2.0 * stretch + far)

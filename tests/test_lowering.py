@@ -22,7 +22,8 @@ from jaxglider.export.c_source import (
 from jaxglider.export.fields import fields_of
 from jaxglider.export.outlined import Functions
 from jaxglider.frames import attitude
-from jaxglider.numerics import monotone_root, select
+from jaxglider.numerics import select
+from jaxglider.observer import observer_root
 from jaxglider.paper import vertical_schedule
 from jaxglider.performance import SechFunction
 from jaxglider.signals import Channels
@@ -132,6 +133,11 @@ def everything(p, g):
     ]
 
 
+def _root(b):
+    gains = (jnp.full_like(b, value) for value in (0.1, 0.01, 2.0, 1e-3))
+    return observer_root(b, tuple(gains), 4)
+
+
 def smooth(p, g):
     """Functions of the C library and of `elementary`, on tame numbers."""
     x, y, k = g["x"], g["y"], g["k"]
@@ -156,7 +162,8 @@ def smooth(p, g):
         jnp.linalg.norm(vector),
         lax.fori_loop(0, 5, lambda n, v: v * u + n, y),
         lax.scan(lambda c, r: (c + r, c * r), x, vector),
-        monotone_root(lambda v, q: (v + q * v**3, 1 + 3 * q * v * v), 6, x, x, y * y),
+        _root(x),
+        _root(y),
         *jax.tree.leaves(SechFunction(1.0, 0.2, 100.0)(10.0 * abs(y))),
         *jax.tree.leaves(vertical_schedule().at(200.0 * abs(y))),
         jnp.where(k > 0, Channels(x, y, x).pitch, p["p"]),
@@ -233,16 +240,10 @@ def test_equal_statements_are_shared_and_unused_ones_left_out():
 
 def test_calls_that_come_again_become_one_function():
     functions = Functions()
-
-    def root(b):
-        return monotone_root(
-            lambda v, q: (v + q * v**3, 1 + 3 * q * v * v), 6, b, b, 0.1
-        )
-
     write_function(
         "compute",
         "It.",
-        lambda p, g: ((root(g["x"]), root(g["y"])),),
+        lambda p, g: ((_root(g["x"]), _root(g["y"])),),
         ("constants", {}),
         [
             Argument("in", Structure("given", "In.", EXAMPLE)),
@@ -250,7 +251,7 @@ def test_calls_that_come_again_become_one_function():
         ],
         functions,
     )
-    assert [f.name for f in functions.outlined.values()] == ["monotone_root_1"]
+    assert [f.name for f in functions.outlined.values()] == ["newton_root_1"]
 
 
 def test_fields_have_legal_names_and_the_comments_of_their_classes():

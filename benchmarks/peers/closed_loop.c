@@ -198,6 +198,28 @@ INLINE real channel(const struct law *g, const struct funnel *f, real e, real e1
     return (bend + *sliding + reaching) * f->width * product * g->inverse_span;
 }
 
+#ifdef PLAIN
+/* y + a1 phi1(y) + a2 phi2(y) = b, as jaxglider finds it. */
+INLINE real observer_root(const struct observer_gains *g, real target)
+{
+    real b = fabs(target), b2 = b * b, d2 = g->smoothing2, d = sqrt(d2);
+    real rest = larger(b - g->near2, b * (d / (d + g->near2)));
+    real k = g->constant + g->near1 / sqrt(b + d);
+    real y = 2 * rest / (k + sqrt(k * k + 4 * g->far2 * rest));
+    real r = sqrt(larger(y, d) + (real)0.41 * smaller(y, d));
+#pragma GCC unroll 4
+    for (int i = 0; i < 4; i++) {
+        real q = r * r, u = g->near1 * r, v = g->far1 * r, w = g->far2 * q, q2 = q * q;
+        real p = g->near2 + u + q * (g->constant + v + w), pulled = b2 * q2;
+        real rise = u + q * (2 * g->constant + 3 * v + 4 * w);
+        real n = (q2 - d2) * p * p - pulled;
+        real slope = 2 * (n + 2 * d2 * p * p) * p + (2 * pulled + (real)0.5 * n) * rise;
+        r *= clip(1 - p * n / slope, (real)0.5, 2);
+    }
+    real q = r * r;
+    return target * q / (g->near2 + g->near1 * r + q * (g->constant + g->far1 * r + g->far2 * q));
+}
+#else
 /* h of y h(|y|) = b, its first and, by f2, second derivative times y. */
 INLINE real left_side(const struct observer_gains *g, real y, real *slope, real *f2)
 {
@@ -216,32 +238,17 @@ INLINE real left_side(const struct observer_gains *g, real y, real *slope, real 
 INLINE real observer_root(const struct observer_gains *g, real target)
 {
     real b = fabs(target), b2 = b * b, slope, f2;
-#ifdef PLAIN
-    real k = g->constant + g->near1 / sqrt(sqrt(b2 + g->smoothing2));
-    real rest = larger(b - g->near2, b / (1 + g->near2 / sqrt(g->smoothing2)));
-#else
     real k = g->constant + g->near1 * rough_inverse_fourth_root(b2 + g->smoothing2);
     real rest = b - g->near2 * b / sqrt(b2 + g->bend2);
-#endif
     real y = 2 * rest / (k + sqrt(k * k + 4 * g->far2 * rest));
-#ifdef PLAIN
-    real low = 0, high = b;
-#pragma GCC unroll 4
-    for (int i = 0; i < 4; i++) {
-        real step = (y * left_side(g, y, &slope, &f2) - b) / slope, next = y - step;
-        low = step > 0 ? low : y;
-        high = step > 0 ? y : high;
-        y = next >= low && next <= high ? next : (real)0.5 * (low + high);
-    }
-#else
 #pragma GCC unroll 2
     for (int i = 0; i < (SINGLE ? 1 : 2); i++) {
         real f = y * left_side(g, y, &slope, &f2) - b;
         y -= f * slope / (slope * slope - (real)0.5 * f * f2);
     }
-#endif
     return copysign(y, target);
 }
+#endif
 
 /* One tick of every lane. */
 static void tick(struct block *block, const struct vehicle *design,

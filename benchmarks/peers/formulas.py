@@ -1,8 +1,8 @@
 """One tick of the closed loop in plain Python, for NumPy and for numba.
 
 The straightforward way: every formula as it is written down, functions of the library,
-the observer's root by Newton steps kept in bracket. For NumPy each quantity is a row
-over the members, for numba it is one number of one member.
+the observer's root by Newton steps. For NumPy each quantity is a row over the members,
+for numba it is one number of one member.
 
 Constants have names and are made of the wanted kind, because numba takes a literal for
 double precision.
@@ -131,33 +131,32 @@ def make_channel(dialect: Dialect, kind: type) -> Any:
 
 def make_observer(dialect: Dialect, kind: type) -> Any:
     """The root y of y + a₁ φ₁(y) + a₂ φ₂(y) = b, and a₂ φ₂ of it."""
-    where = dialect.where
-    zero, half, one, two, four = map(kind, (0, 0.5, 1, 2, 4))
-    square = kind(1.5)
+    half, one, two, three, four = map(kind, (0.5, 1, 2, 3, 4))
+    square, start = kind(1.5), kind(0.41)
 
     @dialect.compiled
     def observed(target, a1, a2, stretch, delta):
-        size = np.abs(target)
-        linear, bent = one + two * a2 * stretch, square * a2 * stretch * stretch
-        k = linear + a1 / np.sqrt(np.sqrt(size * size + delta * delta))
-        rest = np.maximum(size - half * a2, size / (one + half * a2 / delta))
-        y = two * rest / (k + np.sqrt(k * k + four * bent * rest))
-        low, high = zero * size, size
+        size, floor = np.abs(target), delta * delta
+        p0, p2 = half * a2, one + two * a2 * stretch
+        p3, p4 = a1 * stretch, square * a2 * stretch * stretch
+        k = p2 + a1 / np.sqrt(size + delta)
+        rest = np.maximum(size - p0, size * (delta / (delta + p0)))
+        y = two * rest / (k + np.sqrt(k * k + four * p4 * rest))
+        r = np.sqrt(np.maximum(y, delta) + start * np.minimum(y, delta))
         for _ in range(4):
-            q = np.sqrt(y * y + delta * delta)
-            root = np.sqrt(q)
-            near1, far1 = a1 / root, a1 * stretch * root
-            near2, far2 = half * a2 / q, bent * q
-            h, lean = linear + near1 + far1 + near2 + far2, y / q
-            slope = h + lean * lean * (half * (far1 - near1) + far2 - near2)
-            step = (y * h - size) / slope
-            low, high = where(step > zero, low, y), where(step > zero, y, high)
-            newton = y - step
-            inside = (newton >= low) & (newton <= high)
-            y = where(inside, newton, half * (low + high))
-        y = np.sign(target) * y
-        q = np.sqrt(y * y + delta * delta)
-        return y, y * (half * a2 / q + two * a2 * stretch + bent * q)
+            q = r * r
+            u, v, w, q2 = a1 * r, p3 * r, p4 * q, q * q
+            p = p0 + u + q * (p2 + v + w)
+            rise = u + q * (two * p2 + three * v + four * w)
+            pulled = target * target * q2
+            n = (q2 - floor) * p * p - pulled
+            slope = two * (n + two * floor * p * p) * p
+            slope = slope + (two * pulled + half * n) * rise
+            r = r * np.minimum(np.maximum(one - p * n / slope, half), two)
+        q = r * r
+        y = target * q / (p0 + a1 * r + q * (p2 + p3 * r + p4 * q))
+        q = np.sqrt(y * y + floor)
+        return y, y * (p0 / q + two * a2 * stretch + p4 * q)
 
     return observed
 

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 
 from jaxglider._types import Container, Scalar, check_interval
 from jaxglider.frames import wrap
+from jaxglider.numerics import once
 from jaxglider.performance import AbstractPerformanceFunction, Bound, unbounded
 from jaxglider.signals import (
     Channels,
@@ -155,7 +156,8 @@ def allocate(
         damping: added to the diagonal of gᵀg, one positive number per actuator.
     """
     push = each(lambda d, f: d - f, demand, model.drift(measurement))
-    return model.input_gain(measurement).solve(push, damping)
+    push, gain = once((push, model.input_gain(measurement)))
+    return gain.solve(push, damping)
 
 
 def check_positive(owner: str, gains: dict[str, Any]) -> None:

@@ -46,7 +46,7 @@ _REAL = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 _HELPERS = {"max": "real_max", "min": "real_min", "sign": "real_sign"}
 _BITWISE = {"and": "&", "or": "|", "xor": "^"}
 _LOGICAL = {"and": "&&", "or": "||", "xor": "!="}
-_SAME = ("copy", "copy_p")
+_SAME = ("copy", "copy_p", "stop_gradient")
 
 Rule = Callable[[Block, Sequence[Number], str, dict[str, Any]], Number]
 
