@@ -147,10 +147,7 @@ def check_gradient(
     around = np.concatenate([centre[None], centre + spread * scales * scatter])
     slope = jax.jit(lambda points: map_members(jax.value_and_grad(loss), points))
     _, gradients = jax.device_get(slope(jnp.asarray(around, free.dtype)))
-    points = difference_points(centre, sizes, scales)
-    run = jax.jit(lambda x: map_members(loss, x, block=block))
-    losses = np.asarray(run(jnp.asarray(points)))
-    probe = Probe.of(losses, points, sizes, scales, np.asarray(gradients[0]))
+    probe = _probe(loss, centre, sizes, scales, np.asarray(gradients[0]), block)
     shares = _shares(names, saturated)
     judged = [
         judge(probe.along(i), relative_tolerance, shares[i]) for i in range(centre.size)
@@ -175,6 +172,21 @@ def check_gradient(
             f"{k}: {r}" if r else str(k) for k, r in zip(kinds, reasons, strict=True)
         ),
     )
+
+
+def _probe(
+    loss: Loss,
+    centre: np.ndarray,
+    sizes: np.ndarray,
+    scales: np.ndarray,
+    gradient: np.ndarray,
+    block: int,
+) -> Probe:
+    """Losses at all points that the differences need, beside the gradient."""
+    points = difference_points(centre, sizes, scales)
+    run = jax.jit(lambda x: map_members(loss, x, block=block))
+    losses = np.asarray(run(jnp.asarray(points)))
+    return Probe.of(losses, points, sizes, scales, gradient)
 
 
 def _check(
