@@ -19,7 +19,7 @@ from jaxglider.gains import encode
 from jaxglider.io import provenance, write_json, write_text
 from jaxglider.rollout import ClosedLoop
 from jaxglider.scenario import Clock
-from tuning.batch import POOR, size
+from tuning.batch import size
 from tuning.black_box import black_box
 from tuning.checkpoint import Checkpoint
 from tuning.descent import Descent
@@ -28,7 +28,7 @@ from tuning.gradient_check import SHORT_STEPS, check_gradient
 from tuning.members import nominal_member
 from tuning.progress import Progress, note
 from tuning.report import history_table, text_report, write_report
-from tuning.rescue import promising_start
+from tuning.rescue import LOST, promising_start
 from tuning.runs import check_writable, print_result
 from tuning.task import Task, build_task
 from tuning.verdict import verdict
@@ -75,7 +75,7 @@ def tune(options: argparse.Namespace) -> int:
                 devices=jax.devices(),
             )
             state = descent.start(start)
-            if not options.resume and bool(jnp.min(state.loss) >= POOR):
+            if not options.resume and bool(jnp.min(state.loss) >= LOST):
                 start, rescued = promising_start(
                     task, start, options.seed, progress.show
                 )
