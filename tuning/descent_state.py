@@ -42,7 +42,7 @@ class Settings:
     copies: int = 8
     spread: float = 0.05
     worse: float = 1.5
-    patience: int = 40
+    patience: int = 80
     progress: float = 1e-3
     starts: int = 1
     start_spread: float = 0.5

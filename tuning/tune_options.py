@@ -75,9 +75,9 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
     descent.add_argument(
         "--patience",
         type=count,
-        default=40,
+        default=80,
         metavar="N",
-        help="stop after so many steps without progress; default: 40",
+        help="stop after so many steps without progress; default: 80",
     )
     descent.add_argument(
         "--gradient-memory",
