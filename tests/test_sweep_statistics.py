@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tuning.sweep.columns import CHANNELS
 from tuning.sweep.statistics import (
     clopper_pearson,
     cvar,
@@ -13,6 +14,7 @@ from tuning.sweep.statistics import (
     quantile,
     spread,
 )
+from tuning.sweep.summary import LINES, text_summary
 
 
 @pytest.mark.parametrize(
@@ -127,3 +129,27 @@ def test_discordant_pairs_by_hand():
     assert found["difference"] == pytest.approx(-0.4)
     # Two-sided binomial: 2 (1 + 4)/16.
     assert found["p_value"] == pytest.approx(0.625)
+
+
+def test_cells_of_the_summary_keep_apart_however_long_they_are():
+    found = {"p": 5e-4, "interval": [1.266e-05, 2.783e-03]}
+    value = {"value": 0.1, "interval": [0.09, 0.11]}
+    gains = {
+        "probabilities": dict.fromkeys(LINES, found),
+        "measures": {f"{channel}.rms_error": {"q95": value} for channel in CHANNELS},
+        "worst_member": 1,
+        "median_member": 2,
+    }
+    summary = {
+        "members": 2000,
+        "scenario": "waypoints",
+        "plant": "rigid-body",
+        "uncertainty": 0.2,
+        "confidence": 0.95,
+        "controllers": {"fxtppc": gains, "fxtppc (tuned)": gains},
+    }
+    lines = text_summary(summary).splitlines()
+    cell = "0.0005 [1.266e-05, 0.002783]"
+    (row,) = (line for line in lines if line.startswith("did not finish"))
+    assert row.split(maxsplit=3)[3] == f"{cell}  {cell}"
+    assert not [line for line in lines if line != line.rstrip()]

@@ -141,29 +141,24 @@ LINES = {
 def text_summary(summary: dict[str, Any]) -> str:
     """The summary as a table for a terminal."""
     controllers = summary["controllers"]
-    wide = max(28, *(len(label) + 2 for label in controllers))
     told = summary["uncertainty"]
     half = f"{100 * told:g} %" if isinstance(told, float) else "from a file"
-    lines = [
-        f"{summary['members']} members, {summary['scenario']} on {summary['plant']}, "
-        f"uncertainty {half}, {100 * summary['confidence']:g} % intervals",
-        f"{'probability':<22}" + "".join(f"{label:>{wide}}" for label in controllers),
-    ]
+    rows = [["probability", *controllers]]
     for name, title in LINES.items():
         if name == "p_unfinished" and summary["scenario"] != "waypoints":
             continue
-        cells = "".join(
-            f"{in_interval(found['probabilities'][name]):>{wide}}"
-            for found in controllers.values()
-        )
-        lines.append(f"{title:<22}{cells}")
-    lines.append("95 % of members below")
+        found = [of["probabilities"][name] for of in controllers.values()]
+        rows.append([title, *map(in_interval, found)])
+    rows.append(["95 % of members below"])
     for channel, unit in CHANNELS.items():
-        cells = "".join(
-            f"{_quantile(found['measures'][f'{channel}.rms_error']['q95']):>{wide}}"
-            for found in controllers.values()
-        )
-        lines.append(f"{f'  {channel} L2[e] [{unit}]':<22}{cells}")
+        name = f"{channel}.rms_error"
+        found = [of["measures"][name]["q95"] for of in controllers.values()]
+        rows.append([f"  {channel} L2[e] [{unit}]", *map(_quantile, found)])
+    lines = [
+        f"{summary['members']} members, {summary['scenario']} on {summary['plant']}, "
+        f"uncertainty {half}, {100 * summary['confidence']:g} % intervals",
+        *_aligned(rows),
+    ]
     for label, found in controllers.items():
         lines.append(
             f"{label}: worst member {found['worst_member']}, "
@@ -175,6 +170,13 @@ def text_summary(summary: dict[str, Any]) -> str:
             f"({short(entry['estimate'])} {brackets(entry['interval'])})"
         )
     return "\n".join(lines)
+
+
+def _aligned(rows: list[list[str]]) -> list[str]:
+    """Lines of a table: titles to the left, the rest to the right."""
+    wide = 2 + max(len(cell) for row in rows for cell in row[1:])
+    lines = [f"{row[0]:<22}" + "".join(f"{x:>{wide}}" for x in row[1:]) for row in rows]
+    return [line.rstrip() for line in lines]
 
 
 def in_interval(found: dict[str, Any]) -> str:
