@@ -1,6 +1,6 @@
 """Make the gains that come with jaxglider: `python benchmarks/tuned_gains.py`.
 
-Tunes every controller on every plant and case with the defaults of `jaxglider tune`,
+Tunes every controller on every plant and case with 200 steps of `jaxglider tune`,
 copies the gains into the package, and writes a table of what they are worth on members
 that neither descent nor choice has seen. Where the folder `starts` has a file for a
 case, the descent starts from it, else from the paper's gains, and likewise for an
@@ -66,7 +66,7 @@ def _tune(name: str, out: Path, more: list[str]) -> int:
     objective = STARTS / f"{name}-objective.toml"
     if objective.is_file():
         given = (*given, "--objective", str(objective))
-    words = ("tune", *case, *given, *more, "--out", str(out))
+    words = ("tune", *case, *given, "--steps", "200", *more, "--out", str(out))
     command = (sys.executable, "-m", "tuning", *words)
     sys.stderr.write(f"{name}\n")
     done = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)

@@ -14,7 +14,6 @@ import jax.numpy as jnp
 from jaxglider._types import Counter, Scalar
 from jaxglider.elementary import arctan as arctan
 from jaxglider.elementary import exp2, log2
-from jaxglider.elementary import horner as horner
 from jaxglider.elementary import once as once
 from jaxglider.elementary import sincos as sincos
 
@@ -34,11 +33,6 @@ def _faded_jvp(
     primals: tuple[Scalar, Scalar], tangents: tuple[Scalar, Scalar]
 ) -> tuple[Scalar, Scalar]:
     return primals[0], primals[1] * tangents[0]
-
-
-def smooth_abs(x: Scalar, smoothing: Scalar) -> Scalar:
-    """Smoothed modulus, sqrt(x² + δ²): positive, and its slope at zero is zero."""
-    return jnp.sqrt(x * x + smoothing * smoothing)
 
 
 def modulus_powers(

@@ -225,18 +225,23 @@ def _newton_root(target: Scalar, gains: tuple[Scalar, ...], steps: int) -> Scala
     length = jnp.maximum(guess, smoothing) + 0.41 * jnp.minimum(guess, smoothing)
     r = jnp.sqrt(length)
     pull = target * target
+
+    def polynomial(r: Scalar) -> tuple[Scalar, Scalar]:
+        """P and r P'."""
+        q = r * r
+        u, v, w = a1 * r, p3 * r, p4 * q
+        value = (p0 + u) + q * ((p2 + v) + w)
+        return value, u + q * ((2.0 * p2 + 3.0 * v) + 4.0 * w)
+
     for _ in range(steps):
         r = once(r)
-        q = r * r
-        u, v, w, fourth = a1 * r, p3 * r, p4 * q, q * q
-        p = (p0 + u) + q * ((p2 + v) + w)
-        rise = u + q * ((2.0 * p2 + 3.0 * v) + 4.0 * w)
-        squared, pulled = p * p, pull * fourth
+        p, rise = polynomial(r)
+        fourth, squared = (r * r) * (r * r), p * p
+        pulled = pull * fourth
         n = (fourth - floor) * squared - pulled
         slope = 2.0 * (n + 2.0 * floor * squared) * p + (2.0 * pulled + 0.5 * n) * rise
         r = r * jnp.clip(1.0 - p * n / slope, 0.5, 2.0)
-    q = r * r
-    return target * q / ((p0 + a1 * r) + q * ((p2 + p3 * r) + p4 * q))
+    return target * (r * r) / polynomial(r)[0]
 
 
 def _left_side(
@@ -248,9 +253,7 @@ def _left_side(
     slope = h + (y/|y|)² (|y| dh/d|y|).
     """
     a1, a2, stretch, smoothing = gains
-    squared = y * y + smoothing * smoothing
-    inverse = lax.rsqrt(squared)
-    size = squared * inverse
+    size, inverse = _modulus(y, smoothing)
     near1 = a1 * lax.rsqrt(size)
     far1 = stretch * size * near1
     near2, far2 = 0.5 * a2 * inverse, 1.5 * a2 * stretch * stretch * size
@@ -260,7 +263,12 @@ def _left_side(
 
 
 def _phi2(y: Scalar, stretch: Scalar, smoothing: Scalar) -> Scalar:
+    size, inverse = _modulus(y, smoothing)
+    return y * (0.5 * inverse + 2.0 * stretch + 1.5 * stretch * stretch * size)
+
+
+def _modulus(y: Scalar, smoothing: Scalar) -> tuple[Scalar, Scalar]:
+    """√(y² + δ²) and its reciprocal, from one root."""
     squared = y * y + smoothing * smoothing
     inverse = lax.rsqrt(squared)
-    far = 1.5 * stretch * stretch * (squared * inverse)
-    return y * (0.5 * inverse + 2.0 * stretch + far)
+    return squared * inverse, inverse

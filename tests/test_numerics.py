@@ -199,15 +199,6 @@ def test_signed_power_varies_with_its_exponent_as_finite_differences_say():
     assert float(at_zero) == 0.0
 
 
-def test_smooth_abs_is_positive_and_flat_at_zero():
-    delta = jnp.asarray(1e-3)
-    value, slope = jax.value_and_grad(numerics.smooth_abs)(jnp.asarray(0.0), delta)
-    assert float(value) == 1e-3
-    assert float(slope) == 0.0
-    far = numerics.smooth_abs(jnp.asarray(-3.0), delta)
-    np.testing.assert_allclose(far, math.hypot(3.0, 1e-3), rtol=1e-15)
-
-
 def test_saturate_clips_both_ways_and_passes_slopes_only_inside():
     x = jnp.array([-5.0, -0.39, 0.0, 0.39, 5.0])
     limit = jnp.asarray(0.4)

@@ -8,7 +8,7 @@ import pytest
 
 from tuning.batch import losses
 from tuning.objective import Aggregate
-from tuning.rescue import DRAWS, ENOUGH, GENERATIONS, promising_start
+from tuning.rescue import DRAWS, ENOUGH, GENERATIONS, is_lost, promising_start
 
 
 def task(loss):
@@ -23,6 +23,14 @@ def task(loss):
 def island(x):
     """Runs fail beyond 2 of the origin in the first number."""
     return jnp.where(jnp.abs(x[0]) < 2.0, 1.0 + x[0] ** 2 + x[1] ** 2, jnp.nan)
+
+
+@pytest.mark.parametrize(
+    ("objectives", "lost"),
+    [([7.9], False), ([8.0], True), ([30.0], True), ([30.0, 4.0], False)],
+)
+def test_a_start_is_lost_where_no_objective_is_worth_a_descent(objectives, lost):
+    assert is_lost(jnp.asarray(objectives)) is lost
 
 
 @pytest.mark.parametrize("start", [3.0, -3.0])

@@ -257,17 +257,23 @@ def test_of_several_starts_the_one_in_the_deeper_valley_is_chosen():
     assert steps[-1].validation <= float(np.max(many[-1].chosen_loss))
 
 
-def test_guide_steers_and_loss_judges():
-    """A guide of the same values whose derivative points up the hill: no descent."""
+def _bowl(slope):
+    """x² with a derivative of our own."""
 
     @jax.custom_jvp
-    def hill(x):
+    def bowl(x):
         return jnp.sum(x**2)
 
-    @hill.defjvp
+    @bowl.defjvp
     def _(primals, tangents):
-        return hill(primals[0]), -2.0 * jnp.vdot(primals[0], tangents[0])
+        return bowl(primals[0]), jnp.vdot(slope(primals[0]), tangents[0])
 
+    return bowl
+
+
+def test_guide_steers_and_loss_judges():
+    """A guide of the same values whose derivative points up the hill: no descent."""
+    hill = _bowl(lambda x: -2.0 * x)
     settings = Settings(steps=5, copies=1, spread=0.0, worse=10.0)
     descent = Descent(
         lambda free, _: jnp.sum(free**2),
@@ -344,14 +350,7 @@ def test_descent_stops_on_a_plateau():
 
 
 def test_descent_ends_where_no_gradient_is_finite():
-    @jax.custom_jvp
-    def blind(x):
-        return jnp.sum(x**2)
-
-    @blind.defjvp
-    def _(primals, tangents):
-        return blind(primals[0]), jnp.inf * jnp.vdot(primals[0], tangents[0])
-
+    blind = _bowl(lambda x: jnp.inf * x)
     states, steps = _descend(blind, jnp.ones(2), steps=50)
     assert steps == []
     assert int(states[0].blind[0]) == 1
@@ -359,16 +358,7 @@ def test_descent_ends_where_no_gradient_is_finite():
 
 def test_one_blind_descent_does_not_end_the_others():
     """No gradient below zero: of starts on both sides those above go on."""
-
-    @jax.custom_jvp
-    def half_blind(x):
-        return jnp.sum(x**2)
-
-    @half_blind.defjvp
-    def _(primals, tangents):
-        slope = jnp.where(primals[0] > 0.0, 2.0 * primals[0], jnp.nan)
-        return half_blind(primals[0]), jnp.sum(slope * tangents[0])
-
+    half_blind = _bowl(lambda x: jnp.where(x > 0.0, 2.0 * x, jnp.nan))
     options = {"starts": 8, "start_spread": 1.0, "learning_rate": 0.05}
     states, steps = _descend(half_blind, jnp.full(1, -0.1), steps=6, **options)
     assert len(steps) == 6

@@ -35,7 +35,7 @@ class Settings:
         ValueError: a number outside its range, or an unknown optimiser.
     """
 
-    steps: int = 200
+    steps: int = 120
     learning_rate: float = 0.3
     optimiser: str = "adam"
     batch: int = 8

@@ -6,6 +6,8 @@ which way the gliders survive.
 
 from collections.abc import Callable
 
+import jax.numpy as jnp
+
 from jaxglider._types import Series
 from tuning.batch import size
 from tuning.derivative_free import cma_es
@@ -17,6 +19,11 @@ GENERATIONS, DRAWS, SPREAD = 12, 64, 0.5
 """Of the search at most; of a generation; and in the logarithm of a gain."""
 ENOUGH = 5.0
 """Objective with which the search ends early: few runs, if any, are lost."""
+
+
+def is_lost(objectives: Series) -> bool:
+    """Whether no start is worth a descent, by the objective of each."""
+    return bool(jnp.min(objectives) >= LOST)
 
 
 def promising_start(

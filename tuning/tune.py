@@ -28,7 +28,7 @@ from tuning.gradient_check import SHORT_STEPS, check_gradient
 from tuning.members import nominal_member
 from tuning.progress import Progress, note
 from tuning.report import history_table, text_report, write_report
-from tuning.rescue import LOST, promising_start
+from tuning.rescue import is_lost, promising_start
 from tuning.runs import check_writable, print_result
 from tuning.task import Task, build_task
 from tuning.verdict import verdict
@@ -75,7 +75,7 @@ def tune(options: argparse.Namespace) -> int:
                 devices=jax.devices(),
             )
             state = descent.start(start)
-            if not options.resume and bool(jnp.min(state.loss) >= LOST):
+            if not options.resume and is_lost(state.loss):
                 start, rescued = promising_start(
                     task, start, options.seed, progress.show
                 )

@@ -56,7 +56,7 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
         "cores or an accelerator; default: 4 + 3 log n, n the numbers tuned",
     )
     descent.add_argument(
-        "--steps", type=count, default=200, metavar="N", help="default: 200"
+        "--steps", type=count, default=120, metavar="N", help="default: 120"
     )
     descent.add_argument(
         "--learning-rate",
