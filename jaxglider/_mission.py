@@ -31,7 +31,12 @@ from jaxglider.references import (
 from jaxglider.scenario import Clock
 from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.vehicle.actuators import Actuator
-from jaxglider.vehicle.parameters import GliderParameters, VehicleData, load_vehicle
+from jaxglider.vehicle.parameters import (
+    GliderParameters,
+    VehicleData,
+    load_vehicle,
+    vehicle_of,
+)
 from jaxglider.vehicle.water import Current, Stratification, Water
 
 _UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
@@ -55,11 +60,14 @@ def _built(make: Any, path: str, *args: Any, **kwargs: Any) -> Any:
 
 def read_vehicle(table: Table, folder: Path) -> VehicleData:
     """Parameters and actuator limits, with overrides applied."""
-    source = table.text("data", "seawing")
-    if source.endswith(".toml") and not Path(source).is_absolute():
-        source = str(folder / source)
+    source = table.get("data", "seawing")
     try:
-        vehicle = load_vehicle(source)
+        if isinstance(source, dict):
+            vehicle = vehicle_of(source, "the table")
+        else:
+            vehicle = load_vehicle(_place(table.text("data", "seawing"), folder))
+    except ConfigError:
+        raise
     except (OSError, ValueError) as error:
         raise ConfigError(f"vehicle.data: {error}") from error
     overrides = table.table("parameters").rest()
@@ -72,6 +80,10 @@ def read_vehicle(table: Table, folder: Path) -> VehicleData:
         dataclasses.replace, "vehicle.parameters", vehicle.parameters, **values
     )
     return dataclasses.replace(vehicle, parameters=parameters)
+
+
+def _place(source: str, folder: Path) -> str | Path:
+    return folder / source if source.endswith(".toml") else source
 
 
 def read_clock(table: Table) -> Clock:
@@ -200,8 +212,13 @@ STRATIFICATION_KEYS = (
 )
 
 
-def read_reference(table: Table) -> AbstractReference:
-    """The task: a schedule or a waypoint path."""
+def read_reference(table: Table, guidance: LineOfSight) -> AbstractReference:
+    """The task: a schedule or a waypoint path.
+
+    Args:
+        table: of the file.
+        guidance: gains of a path that gives none of its own.
+    """
     kind = table.text("type", "schedule")
     choice(kind, {"schedule": 0, "waypoints": 0}, table.where("type"))
     if kind == "schedule" and table.get("waypoints", None) is not None:
@@ -222,8 +239,8 @@ def read_reference(table: Table) -> AbstractReference:
         _built(
             LineOfSight,
             "reference.waypoints",
-            path.number("lookahead_m", 2.5),
-            path.number("integral_gain", 0.01),
+            path.number("lookahead_m", float(guidance.lookahead)),
+            path.number("integral_gain", float(guidance.integral_gain)),
         ),
         schedule,
         path.number("radius_m", 5.0),

@@ -7,7 +7,7 @@ Every key carries its unit. What is left out takes the value of the paper's firs
 import dataclasses
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -30,9 +30,11 @@ from jaxglider._toml import (
 )
 from jaxglider._types import Scalar
 from jaxglider._uncertainty import load_uncertainty as load_uncertainty
-from jaxglider.controllers import tracking_error
+from jaxglider.controllers import AbstractController, tracking_error
 from jaxglider.controllers.base import Limits
-from jaxglider.gains import decode
+from jaxglider.gains import decode, encode
+from jaxglider.observer import AbstractObserver
+from jaxglider.references import LineOfSight, WaypointPath
 from jaxglider.rollout import ClosedLoop
 from jaxglider.scenario import Scenario
 from jaxglider.signals import Channels, Measurement
@@ -101,26 +103,52 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
         plant = make_plant(vehicle)
     except ValueError as error:
         raise ConfigError(f"vehicle.plant: {error}") from error
+    if factor <= 0.0:
+        raise ConfigError(f"vehicle.design_factor must be positive; received {factor}.")
+    model = paper.design_model(plant, factor)
+    task = top.table("reference")
+    case = paper_case(task.text("type", "schedule") == "waypoints")
+    law = _law(top.table("controller"), model, case, folder)
     scenario = Scenario(
         read_clock(top.table("clock")),
         plant,
         read_actuators(top.table("actuators"), vehicle.limits),
         read_disturbance(top.tables("disturbance")),
-        read_reference(top.table("reference")),
+        read_reference(task, law.guidance or paper.guidance()),
         read_initial_state(top.table("initial_state")),
+        funnel=_funnel(top.get("funnel", None), case),
         water=read_water(top.table("water"), vehicle),
     )
-    if factor <= 0.0:
-        raise ConfigError(f"vehicle.design_factor must be positive; received {factor}.")
-    model = paper.design_model(plant, factor)
-    kind, controller, observer = _controller(
-        top.table("controller"), model, scenario, folder
-    )
     table = top.table("observer")
-    observer = decode_observer(table.rest(), kind, model, observer)
+    observer = decode_observer(table.rest(), law.kind, model, law.observer)
     top.close()
-    loop = ClosedLoop(scenario, controller, observer)
-    return Mission(name, loop, seed, kind, plant_name)
+    loop = ClosedLoop(scenario, law.controller, observer)
+    return Mission(name, loop, seed, law.kind, plant_name)
+
+
+def paper_case(has_waypoints: bool) -> str:
+    """The case of the paper whose gains and funnel a task is given by default."""
+    return "waypoints" if has_waypoints else "switching"
+
+
+def self_contained(path: str | Path) -> dict[str, Any]:
+    """A mission file's tables with the files it names put in their places.
+
+    `build_mission` makes the same mission of them without the files.
+
+    Raises:
+        ConfigError: a file cannot be read.
+    """
+    folder, data = Path(path).parent, read_toml(path)
+    for table, key in (("vehicle", "data"), ("controller", "gains_file")):
+        named = data.get(table)
+        if isinstance(named, dict) and str(named.get(key, "")).endswith(".toml"):
+            data[table] = named | {key: read_toml(folder / named[key])}
+    return data
+
+
+def _funnel(table: Any, case: str) -> Any:
+    return None if table is None else decode(paper.funnel(case), table, "funnel")
 
 
 def decode_observer(table: Any, controller: str, model: Any, given: Any = None) -> Any:
@@ -143,8 +171,49 @@ def decode_observer(table: Any, controller: str, model: Any, given: Any = None) 
     return decode(given, table, "observer")
 
 
-def load_gains(path: str | Path, scenario: str, model: Any) -> tuple[str, Any, Any]:
-    """A gains file: the kind of controller, the controller and its observer.
+class Law(NamedTuple):
+    """What a gains file holds.
+
+    Attributes:
+        kind: name of the controller's kind.
+        controller: with its gains.
+        observer: likewise.
+        guidance: gains of the line of sight, or None where the file has none.
+    """
+
+    kind: str
+    controller: AbstractController
+    observer: AbstractObserver
+    guidance: LineOfSight | None
+
+    def on(self, scenario: Scenario) -> ClosedLoop:
+        """The closed loop that steers a scenario with these gains.
+
+        Guidance that the file has replaces that of a waypoint path; a schedule has
+        none, and keeps its headings.
+        """
+        path = scenario.reference
+        if self.guidance is not None and isinstance(path, WaypointPath):
+            path = dataclasses.replace(path, line_of_sight=self.guidance)
+            scenario = dataclasses.replace(scenario, reference=path)
+        return ClosedLoop(scenario, self.controller, self.observer)
+
+
+def encode_law(loop: ClosedLoop) -> dict[str, Any]:
+    """Gains of a closed loop as the tables of a gains file."""
+    tables = {
+        "format": 1,
+        "controller": encode(loop.controller),
+        "observer": encode(loop.observer),
+    }
+    path = loop.scenario.reference
+    if isinstance(path, WaypointPath):
+        tables["guidance"] = encode(path.line_of_sight)
+    return tables
+
+
+def load_gains(path: str | Path, scenario: str, model: Any) -> Law:
+    """Read a gains file.
 
     Args:
         path: of the file, as `jaxglider tune` writes it.
@@ -161,10 +230,8 @@ def load_gains(path: str | Path, scenario: str, model: Any) -> tuple[str, Any, A
         raise ConfigError(f"{path}: {error}") from error
 
 
-def decode_gains(
-    data: dict[str, Any], scenario: str, model: Any
-) -> tuple[str, Any, Any]:
-    """Parsed gains: the kind of controller, the controller and its observer.
+def decode_gains(data: dict[str, Any], scenario: str, model: Any) -> Law:
+    """Gains from parsed TOML.
 
     Args:
         data: tables of a gains file.
@@ -182,10 +249,13 @@ def decode_gains(
         paper.make_controller(kind, scenario, model), table, "controller"
     )
     observer = decode_observer(top.get("observer", {}), kind, model)
+    guidance = top.get("guidance", None)
+    if guidance is not None:
+        guidance = decode(paper.guidance(), guidance, "guidance")
     top.get("provenance", None)
     choice(str(top.get("format", 1)), {"1": 1}, "format")
     top.close()
-    return kind, controller, observer
+    return Law(kind, controller, observer, guidance)
 
 
 def start_warnings(loop: ClosedLoop) -> list[str]:
@@ -220,23 +290,31 @@ def _start(loop: ClosedLoop) -> tuple[Channels[Scalar], Channels[Limits]]:
     return error, loop.controller.limits(loop.controller.bounds(reference.clock))
 
 
-def _controller(
-    table: Table, model: Any, scenario: Scenario, folder: Path
-) -> tuple[str, Any, Any]:
-    """Kind, controller, and the observer of its gains file, if there is one."""
-    case = "waypoints" if scenario.reference.can_finish else "switching"
+def _law(table: Table, model: Any, case: str, folder: Path) -> Law:
+    """Gains of the table over those of its gains file, or over the paper's."""
     source = table.get("gains_file", None)
-    observer = None
-    if source is not None:
-        file = folder / table.text("gains_file")
-        kind, controller, observer = load_gains(file, case, model)
-        if table.text("type", kind) != kind:
+    if source is None:
+        kind = table.text("type", "fxtppc")
+        law = decode_gains({"controller": {"type": kind}}, case, model)
+    else:
+        law, file = _filed_law(table, source, model, case, folder)
+        if table.text("type", law.kind) != law.kind:
             raise ConfigError(
-                f"controller.type must be {kind!r}, the kind that {file} holds; "
+                f"controller.type must be {law.kind!r}, the kind that {file} holds; "
                 f"received {table.text('type')!r}. Change one of the two."
             )
-    else:
-        kind = table.text("type", "fxtppc")
-        choice(kind, dict.fromkeys(paper.CONTROLLERS), "controller.type")
-        controller = paper.make_controller(kind, case, model)
-    return kind, decode(controller, table.rest(), "controller"), observer
+    return law._replace(controller=decode(law.controller, table.rest(), "controller"))
+
+
+def _filed_law(
+    table: Table, source: Any, model: Any, case: str, folder: Path
+) -> tuple[Law, str]:
+    """Gains from a file, or from its tables in its place; and what to call it."""
+    if not isinstance(source, dict):
+        file = folder / table.text("gains_file")
+        return load_gains(file, case, model), str(file)
+    where = table.where("gains_file")
+    try:
+        return decode_gains(source, case, model), where
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error

@@ -104,10 +104,15 @@ def reference(scenario: str) -> AbstractReference:
     return WaypointPath(
         north=[10.0, 15.0, 30.0, 50.0, 50.0],
         east=[5.0, -10.0, -15.0, -5.0, 10.0],
-        line_of_sight=LineOfSight(2.5, 0.01),
+        line_of_sight=guidance(),
         vertical=vertical_schedule(),
         radius=5.0,
     )
+
+
+def guidance() -> LineOfSight:
+    """Guidance gains of the second case."""
+    return LineOfSight(2.5, 0.01)
 
 
 def disturbance() -> Sinusoid:

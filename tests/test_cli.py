@@ -278,9 +278,9 @@ def test_gains_of_the_package_are_compared_by_the_word(call, monkeypatch):
         tuned = found[scenario, "fxtppc (tuned)"]
         model = tuned.controller.model
         file = tuned_gains(scenario, "rigid-body", "fxtppc")
-        _, controller, observer = load_gains(file, scenario, model)
-        wanted = controller, observer
-        assert encoded(tuned.controller, tuned.observer) == encoded(*wanted)
+        law = load_gains(file, scenario, model)
+        wanted = encoded(law.controller, law.observer)
+        assert encoded(tuned.controller, tuned.observer) == wanted
 
 
 def test_a_folder_of_the_name_is_meant_before_the_word(call, tmp_path):

@@ -1,6 +1,7 @@
 """Mission files: what is left out, what is read, and what is refused in which words."""
 
 import copy
+import json
 import math
 import re
 import tomllib
@@ -16,15 +17,19 @@ from jaxglider._toml import ConfigError
 from jaxglider.config import (
     TEMPLATE,
     build_mission,
+    decode_gains,
+    encode_law,
     load_gains,
     load_mission,
+    self_contained,
     start_warnings,
 )
 from jaxglider.controllers import SMC, FxTPPC
 from jaxglider.disturbances import GaussMarkov
 from jaxglider.gains import encode
 from jaxglider.observer import FixedTimeObserver, NoObserver
-from jaxglider.references import WaypointPath
+from jaxglider.references import LineOfSight, WaypointPath
+from jaxglider.vehicle.parameters import vehicle_text
 
 PLAIN = tomllib.loads(TEMPLATE())
 KEY = jax.random.key(0)
@@ -410,6 +415,83 @@ def test_a_mission_overrides_its_gains_file(tmp_path):
     assert type(mission.loop.observer) is NoObserver
 
 
+GUIDANCE = {"lookahead_m": 6.0, "integral_gain": 0.02}
+
+
+def test_guidance_of_a_gains_file_is_that_of_a_path_without_its_own(tmp_path):
+    _gains_file(tmp_path, guidance=GUIDANCE)
+    table = {"controller": {"gains_file": "gains.toml"}}
+    course = copy.deepcopy(_with_waypoints()["reference"])
+    steered = build_mission(table | {"reference": course}, tmp_path)
+    path = steered.loop.scenario.reference
+    # The template's course has numbers of its own.
+    assert float(path.line_of_sight.lookahead) == 2.5
+    del course["waypoints"]["lookahead_m"]
+    path = build_mission(table | {"reference": course}, tmp_path)
+    found = path.loop.scenario.reference.line_of_sight
+    assert (float(found.lookahead), float(found.integral_gain)) == (6.0, 0.01)
+
+
+def test_gains_come_back_with_the_guidance_they_were_tuned_with():
+    loop = paper.make_loop("waypoints")
+    loop = eqx.tree_at(
+        lambda at: at.scenario.reference.line_of_sight, loop, LineOfSight(6.0, 0.02)
+    )
+    tables = encode_law(loop)
+    assert tables["guidance"] == GUIDANCE
+    law = decode_gains(tables, "waypoints", loop.controller.model)
+    again = law.on(paper.make_scenario("waypoints"))
+    assert encode_law(again) == tables
+    _equal(again.scenario.reference, loop.scenario.reference)
+    # A schedule has no guidance: it stays as it is, and so does its gains file.
+    schedule = paper.make_scenario("switching")
+    assert eqx.tree_equal(law.on(schedule).scenario, schedule)
+    assert "guidance" not in encode_law(law.on(schedule))
+
+
+def test_a_mission_can_say_what_its_runs_are_judged_by():
+    table = {"performance": {"depth": {"final_bound_m": 0.6}}}
+    scenario = build_mission({"funnel": table}).loop.scenario
+    assert float(scenario.funnel.performance.depth.final_bound) == 0.6
+    assert float(scenario.funnel.performance.depth.initial) == 1.0
+    assert build_mission(PLAIN).loop.scenario.funnel is None
+
+
+def test_a_self_contained_mission_needs_no_files(tmp_path):
+    _gains_file(tmp_path, guidance=GUIDANCE)
+    (tmp_path / "own.toml").write_text(vehicle_text("rogue"))
+    course = {"type": "waypoints", "waypoints": {"north_m": [9.0], "east_m": [1.0]}}
+    file = tmp_path / "mission.toml"
+    data = {
+        "vehicle": {"data": "own.toml", "plant": "rigid-body"},
+        "controller": {"gains_file": "gains.toml"},
+        "reference": course,
+    }
+    file.write_text(tomli_w.dumps(data))
+    wanted, whole = load_mission(file), self_contained(file)
+    for name in ("gains.toml", "own.toml", "mission.toml"):
+        (tmp_path / name).unlink()
+    found = build_mission(json.loads(json.dumps(whole)))
+    assert (found.controller, found.plant) == (wanted.controller, wanted.plant)
+    _equal(found.loop, wanted.loop)
+    assert float(found.loop.scenario.reference.line_of_sight.lookahead) == 6.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"vehicle": {"data": {"name": "x"}}}, "vehicle.data: the table: "),
+        (
+            {"controller": {"gains_file": {"controller": {"type": "pid"}}}},
+            "controller.gains_file: controller.type must be one of smc, ppc, fxtppc",
+        ),
+        ({"controller": {"gains_file": 3}}, "controller.gains_file must be text"),
+    ],
+)
+def test_wrong_tables_in_the_place_of_files_are_named(change, message, tmp_path):
+    assert _refusal(change, tmp_path).startswith(message)
+
+
 def test_a_gains_file_of_another_kind_is_refused(tmp_path):
     _gains_file(tmp_path, "ppc")
     table = {"controller": {"type": "smc", "gains_file": "gains.toml"}}
@@ -424,7 +506,10 @@ def test_a_gains_file_of_another_kind_is_refused(tmp_path):
     [
         ({"controller": None}, "controller is missing."),
         ({"format": 2}, "format must be one of 1; received '2'."),
-        ({"name": "m"}, "unknown key name; choose from controller, format, observer"),
+        ({"name": "m"}, "unknown key name; choose from controller, format, guidance, "),
+        ({"guidance": 3}, "guidance must be a table; received 3."),
+        ({"guidance": {"lookahead": 3.0}}, "unknown key guidance.lookahead; did you "),
+        ({"guidance": {"lookahead_m": 0.0}}, "guidance: LineOfSight.lookahead must be"),
         ({"controller": {"type": "pid"}}, "controller.type must be one of smc, ppc"),
         ({"controller": {}}, "controller.type is missing."),
         ({"controller": 3}, "controller must be a table; received 3."),

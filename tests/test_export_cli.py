@@ -63,11 +63,9 @@ def test_gains_come_back_from_either_format(call, tmp_path, kind):
     assert table["controller"] == encode(given)
     assert table["provenance"]["scenario"] == "waypoints"
     if kind == "toml":
-        name, read, _ = load_gains(
-            tmp_path / "there" / "gains.toml", "switching", model
-        )
-        assert name == "ppc"
-        assert encode(read) == encode(given)
+        law = load_gains(tmp_path / "there" / "gains.toml", "switching", model)
+        assert law.kind == "ppc"
+        assert encode(law.controller) == encode(given)
 
 
 def test_stablehlo_has_an_argument_for_every_scalar(call, tmp_path):

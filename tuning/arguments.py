@@ -86,6 +86,28 @@ def add_dt(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_case(parser: argparse.ArgumentParser) -> None:
+    """What is flown: one of the paper's cases, or a mission file."""
+    parser.add_argument(
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="a mission of your own instead of a case of the paper: vehicle, "
+        "actuators, sea, task and clock (`jaxglider init` writes one to start from)",
+    )
+    parser.add_argument("--scenario", choices=SCENARIOS, help="default: switching")
+    parser.add_argument("--plant", choices=PLANTS, help="default: rigid-body")
+    parser.add_argument(
+        "--duration",
+        type=positive,
+        metavar="S",
+        help="horizon [s]; default: the case's own",
+    )
+    parser.add_argument(
+        "--dt", type=positive, metavar="S", help="control tick [s]; default: 0.05"
+    )
+
+
 def add_common(parser: argparse.ArgumentParser, out: str) -> None:
     """Where results go, their precision, and how they are printed."""
     add_output(parser)

@@ -11,17 +11,16 @@ import tomli_w
 from jaxglider import paper
 from jaxglider._toml import ConfigError, read_toml
 from jaxglider.autopilot import autopilot
-from jaxglider.config import load_mission
+from jaxglider.config import encode_law, load_mission
 from jaxglider.export import export_c
 from jaxglider.export.block import ExportError
 from jaxglider.export.cost import Cost
 from jaxglider.export.hlo import stablehlo
-from jaxglider.gains import encode
 from jaxglider.guard import Guard
 from jaxglider.io import provenance, write_text
 from jaxglider.rollout import ClosedLoop
 from jaxglider.signals import Command
-from tuning.gain_files import resolve
+from tuning.case import Case, refuse_beside_mission
 from tuning.progress import Progress
 from tuning.runs import check_writable, print_result
 
@@ -69,27 +68,27 @@ def export(options: argparse.Namespace) -> int:
 def _loop(options: argparse.Namespace) -> tuple[ClosedLoop, str, dict[str, Any]]:
     """The closed loop, what it is called, and where it comes from."""
     if options.config is not None:
-        for name in ("scenario", "plant", "dt"):
-            if getattr(options, name) is not None:
-                raise ValueError(
-                    f"--{name} goes with --gains; the mission file "
-                    f"{options.config} says it itself. Leave it out."
-                )
+        refuse_beside_mission(options)
         mission = load_mission(options.config)
         about = _about(scenario=mission.name, plant=mission.plant)
         title = f"{mission.controller} for {mission.name} on {mission.plant}"
         return mission.loop, title, about
     path = Path(options.gains)
     origin = read_toml(path).get("provenance", {}) if path.exists() else {}
+    mission_file = origin.get("mission") if isinstance(origin, dict) else None
+    if mission_file and not (options.scenario and options.plant):
+        raise ConfigError(
+            f"{path} was tuned for the mission {mission_file}: name it there as "
+            "controller.gains_file and export with --config, or give --scenario and "
+            "--plant."
+        )
     scenario = options.scenario or _known(origin, "scenario", paper.SCENARIOS)
     plant = options.plant or _known(origin, "plant", tuple(paper.PLANTS))
-    (gains,) = resolve([options.gains], [options.controller], scenario, plant)
-    setting = paper.make_scenario(scenario, plant, dt=options.dt or 0.05)
-    model = paper.design_model(setting.plant)
-    _, controller, observer = gains.load(scenario, model)
+    case = Case.of_paper(scenario, plant, options.dt, None)
+    (gains,) = case.resolve([options.gains], [options.controller])
     about = _about(gains=gains.origin, scenario=scenario, plant=plant)
     title = f"{gains.label} for {scenario} on {plant}"
-    return ClosedLoop(setting, controller, observer), title, about
+    return case.loop(gains)[1], title, about
 
 
 def _known(origin: Any, key: str, allowed: tuple[str, ...]) -> str:
@@ -137,9 +136,7 @@ def _files(
 def _table(loop: ClosedLoop, about: dict[str, Any]) -> dict[str, Any]:
     """Gains as `tune` writes them."""
     return {
-        "format": 1,
-        "controller": encode(loop.controller),
-        "observer": encode(loop.observer),
+        **encode_law(loop),
         "provenance": {
             **{k: about[k] for k in ("created", "versions", "scenario", "plant")},
             "command": "jaxglider " + " ".join(about["command"]),

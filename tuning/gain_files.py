@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from jaxglider._toml import ConfigError, read_toml
-from jaxglider.config import decode_gains
-from jaxglider.controllers import AbstractController
-from jaxglider.observer import AbstractObserver
+from jaxglider.config import Law, decode_gains
 from jaxglider.tuned import tuned_gains
 
-PAPER, TUNED = "paper", "tuned"
-"""The words for the paper's own gains, and for those that come with jaxglider."""
+PAPER, TUNED, MISSION = "paper", "tuned", "mission"
+"""The words for the paper's own gains, for those that come with jaxglider, and for
+those of a mission file."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,10 +29,8 @@ class Gains:
     origin: str
     text: str
 
-    def load(
-        self, scenario: str, model: Any
-    ) -> tuple[str, AbstractController, AbstractObserver]:
-        """The kind of controller, the controller and its observer.
+    def load(self, scenario: str, model: Any) -> Law:
+        """What the text says.
 
         Args:
             scenario: `switching` or `waypoints`, for what the file leaves out.
@@ -49,16 +46,21 @@ class Gains:
 
 
 def resolve(
-    words: Sequence[str], controllers: Sequence[str], scenario: str, plant: str
+    words: Sequence[str],
+    controllers: Sequence[str],
+    scenario: str,
+    plant: str,
+    own: Gains | None = None,
 ) -> tuple[Gains, ...]:
     """The sets of gains that words and file names stand for, in their order.
 
     Args:
-        words: `paper`, `tuned`, or the path of a gains file; what is named twice counts
-            once.
+        words: `paper`, `tuned`, `mission`, or the path of a gains file; what is named
+            twice counts once.
         controllers: kinds that the words stand for.
         scenario: `switching` or `waypoints`; which gains `tuned` stands for.
         plant: name of the plant; likewise.
+        own: what `mission` stands for, where there is one.
 
     Raises:
         ValueError: a file cannot be read or holds no gains, or none come with
@@ -70,6 +72,9 @@ def resolve(
     for name in names:
         if name == PAPER:
             found += [_paper(kind) for kind in dict.fromkeys(controllers)]
+            continue
+        if name == MISSION and own is not None:
+            found.append(own)
             continue
         path = Path(name)
         if name == TUNED and not path.exists():

@@ -50,7 +50,7 @@ def text_report(result: dict[str, Any]) -> str:
         lines.append(
             f"{name:>7}: {counts['outside_funnel']} left a funnel, "
             f"{counts['capsized']} rolled past 90 deg, "
-            f"{counts['not_finite']} failed"
+            f"{_unfinished(counts)}{counts['not_finite']} failed"
         )
     lines += [f"nominal {n}: {outcome(run)}" for n, run in result["nominal"].items()]
     lines += [
@@ -58,6 +58,11 @@ def text_report(result: dict[str, Any]) -> str:
         for name, gain in result["gains"].items()
     ]
     return "\n".join(lines)
+
+
+def _unfinished(counts: dict[str, int]) -> str:
+    """For a course with waypoints alone."""
+    return f"{counts['unfinished']} did not finish, " if "unfinished" in counts else ""
 
 
 def _judged_on(members: dict[str, int]) -> str:
@@ -239,7 +244,7 @@ def _markdown(result: dict[str, Any], settling: list[str]) -> str:
         lines.append(
             f"- {name}: of {counts['members']} members {counts['outside_funnel']} left "
             f"a funnel at some time, {counts['capsized']} rolled past 90 degrees, "
-            f"{counts['not_finite']} became non-finite"
+            f"{_unfinished(counts)}{counts['not_finite']} became non-finite"
         )
     lines += ["\n## Nominal case\n"]
     lines += [f"- {name}: {outcome(run)}" for name, run in result["nominal"].items()]

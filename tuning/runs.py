@@ -101,13 +101,8 @@ def _paper_entries(options: argparse.Namespace, scenario: str) -> Iterator[Entry
         yield Entry(scenario, options.plant, name, loop)
     words = [str(path) for path in options.gains]
     for gains in resolve(words, options.controllers, scenario, options.plant):
-        _, controller, observer = gains.load(scenario, model)
-        yield Entry(
-            scenario,
-            options.plant,
-            gains.label,
-            ClosedLoop(setting, controller, observer),
-        )
+        law = gains.load(scenario, model)
+        yield Entry(scenario, options.plant, gains.label, law.on(setting))
 
 
 def simulate_mission(options: argparse.Namespace) -> int:

@@ -8,7 +8,6 @@ from typing import Any
 
 import jax
 
-from jaxglider import paper
 from jaxglider._toml import ConfigError, Table, read_toml
 from jaxglider._types import Series
 from jaxglider.config import load_uncertainty
@@ -18,9 +17,9 @@ from jaxglider.quantities import uniform_uncertainty
 from jaxglider.rollout import ClosedLoop, evaluate, sparse_checkpoints
 from jaxglider.scenario import Scenario
 from jaxglider.uncertainty import Uncertainty
-from jaxglider.vehicle.design_model import DesignModel
 from tuning.batch import losses, size
-from tuning.gain_files import resolve
+from tuning.case import Case
+from tuning.gain_files import MISSION, PAPER
 from tuning.members import (
     TEST,
     TRAINING,
@@ -69,6 +68,7 @@ class Task:
     """Everything a tuning run needs.
 
     Attributes:
+        case: what is flown.
         kind: of the controller.
         loop: the closed loop with the gains as given.
         space: which numbers are free.
@@ -80,6 +80,7 @@ class Task:
         gradient_memory: of the gradient that is descended [s]; None for the exact one.
     """
 
+    case: Case
     kind: str
     loop: ClosedLoop
     space: Space
@@ -140,7 +141,8 @@ def build_task(options: argparse.Namespace) -> Task:
     Raises:
         ValueError: an option or a file cannot be used.
     """
-    kind, loop, model = _starting_loop(options)
+    case = Case.of_options(options)
+    kind, loop = _start(options, case)
     uncertainty = _uncertainty(options, loop.scenario)
     loop = dataclasses.replace(loop, scenario=uncertainty.scenario)
     weights, aggregate = read_objective(options.objective)
@@ -157,10 +159,11 @@ def build_task(options: argparse.Namespace) -> Task:
         return sample_members(uncertainty, options.seed, which, count)
 
     return Task(
+        case,
         kind,
         loop,
         space,
-        Objective(_reference(loop, kind, options.scenario, model), weights, cost),
+        Objective(_reference(loop, kind, case), weights, cost),
         aggregate,
         draw(TRAINING, options.members),
         draw(VALIDATION, options.validation),
@@ -187,20 +190,15 @@ def _uncertainty(options: argparse.Namespace, scenario: Scenario) -> Uncertainty
     )
 
 
-def _reference(
-    loop: ClosedLoop, kind: str, scenario: str, model: DesignModel
-) -> Metrics:
+def _reference(loop: ClosedLoop, kind: str, case: Case) -> Metrics:
     """The nominal run with the starting gains, or with the paper's if that fails."""
     run = jax.jit(evaluate)
     member = jax.tree.map(lambda x: x[0], nominal_member(loop))
     start: Metrics = run(*with_member(loop, member))
     if bool(start.finite):
         return start
-    paper_loop = dataclasses.replace(
-        loop,
-        controller=paper.make_controller(kind, scenario, model),
-        observer=paper.make_observer(kind, model),
-    )
+    (gains,) = case.resolve([PAPER], [kind])
+    paper_loop = dataclasses.replace(case.loop(gains)[1], scenario=loop.scenario)
     return run(*with_member(paper_loop, member))
 
 
@@ -250,26 +248,19 @@ def _built(kind: type, key: str, values: dict[str, Any]) -> Any:
         raise ConfigError(f"{key}: {error}") from error
 
 
-def _starting_loop(
-    options: argparse.Namespace,
-) -> tuple[str, ClosedLoop, DesignModel]:
-    setting = paper.make_scenario(
-        options.scenario, options.plant, dt=options.dt, duration=options.duration
-    )
-    # Whatever becomes of a law's own funnel, it is judged by the one prescribed.
-    setting = dataclasses.replace(setting, funnel=paper.funnel(options.scenario))
-    model = paper.design_model(setting.plant)
+def _start(options: argparse.Namespace, case: Case) -> tuple[str, ClosedLoop]:
+    """The kind of controller and the closed loop to start from.
+
+    Raises:
+        ValueError: the gains are of another kind than asked for.
+    """
+    asked = options.controller
+    words = [PAPER] if case.own is None else [MISSION, PAPER]
     if options.gains is not None:
-        law = options.controller or "fxtppc"
-        (given,) = resolve([str(options.gains)], [law], options.scenario, options.plant)
-        kind, controller, observer = given.load(options.scenario, model)
-        if options.controller not in (None, kind):
-            raise ValueError(
-                f"--controller is {options.controller}, "
-                f"but {options.gains} holds {kind}."
-            )
-        return kind, ClosedLoop(setting, controller, observer), model
-    kind = options.controller or "fxtppc"
-    controller = paper.make_controller(kind, options.scenario, model)
-    observer = paper.make_observer(kind, model)
-    return kind, ClosedLoop(setting, controller, observer), model
+        words = [str(options.gains)]
+    for word in words:
+        (gains,) = case.resolve([word], [asked or "fxtppc"])
+        kind, loop = case.loop(gains)
+        if asked in (None, kind):
+            return kind, loop
+    raise ValueError(f"--controller is {asked}, but {options.gains} holds {kind}.")

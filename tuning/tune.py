@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import tomli_w
 
 from jaxglider._types import Series
-from jaxglider.gains import encode
+from jaxglider.config import encode_law, self_contained
 from jaxglider.io import provenance, write_json, write_text
 from jaxglider.rollout import ClosedLoop
 from jaxglider.scenario import Clock
@@ -137,15 +137,17 @@ def _trust(task: Task, start: Series, progress: Progress) -> str:
 def fingerprint(options: argparse.Namespace) -> str:
     """A digest of every option that the steps depend on: what `--resume` must find."""
     kept = {
-        key: _content(value)
+        key: _content(key, value)
         for key, value in sorted(vars(options).items())
         if key not in _CONTINUES
     }
     return hashlib.sha256(json.dumps(kept).encode()).hexdigest()[:16]
 
 
-def _content(value: Any) -> Any:
+def _content(key: str, value: Any) -> Any:
     """A file counts by what it holds; a missing one is refused where it is read."""
+    if key == "config" and value is not None:
+        return self_contained(value)
     if isinstance(value, Path):
         return value.read_text() if value.is_file() else str(value)
     return list(value) if isinstance(value, list | tuple) else value
@@ -209,8 +211,9 @@ def _result(
     judged: dict[str, Any],
 ) -> dict[str, Any]:
     return {
-        "scenario": options.scenario,
-        "plant": options.plant,
+        "scenario": task.case.title,
+        "plant": task.case.plant,
+        "mission": None if options.config is None else str(options.config),
         "controller": task.kind,
         "method": options.method,
         "steps": history[-1].number,
@@ -245,14 +248,13 @@ def _write(
 ) -> None:
     about = result["provenance"]
     gains = {
-        "format": 1,
-        "controller": encode(tuned.controller),
-        "observer": encode(tuned.observer),
+        **encode_law(tuned),
         "provenance": {
             "command": "jaxglider " + " ".join(about["command"]),
             "created": about["created"],
             "scenario": result["scenario"],
             "plant": result["plant"],
+            **({"mission": result["mission"]} if result["mission"] else {}),
             "versions": about["versions"],
         },
     }

@@ -6,10 +6,8 @@ from typing import Any
 
 from tuning.arguments import (
     CONTROLLERS,
-    PLANTS,
-    SCENARIOS,
+    add_case,
     add_common,
-    add_dt,
     add_output,
     at_least_four,
     below_one,
@@ -122,21 +120,18 @@ def add_check(commands: Any) -> None:
 
 
 def _add_task(parser: argparse.ArgumentParser) -> None:
+    add_case(parser)
     parser.add_argument(
-        "--scenario", choices=SCENARIOS, default="switching", help="default: switching"
-    )
-    parser.add_argument(
-        "--plant", choices=PLANTS, default="rigid-body", help="default: rigid-body"
-    )
-    parser.add_argument(
-        "--controller", choices=CONTROLLERS, help="default: fxtppc, or what --gains has"
+        "--controller",
+        choices=CONTROLLERS,
+        help="default: fxtppc, or what --gains or --config has",
     )
     parser.add_argument(
         "--gains",
         type=Path,
         metavar="FILE",
-        help="start here, not at the paper's gains; `tuned`: at those that come with "
-        "jaxglider for this case",
+        help="start here, not at the paper's or the mission's gains; `tuned`: at those "
+        "that come with jaxglider for this case",
     )
     parser.add_argument(
         "--free",
@@ -144,7 +139,8 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="PATH",
         help="what to tune: dotted paths, `*` for any component, as "
-        "controller.gains.*.k1 controller.damping observer.integral; "
+        "controller.gains.*.k1 controller.damping observer.integral "
+        "scenario.reference.line_of_sight; "
         "default: all of the controller and its observer",
     )
     parser.add_argument(
@@ -152,13 +148,6 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="do not hold k1 < 3/4 k2^2 (each gain's own range is always held)",
     )
-    parser.add_argument(
-        "--duration",
-        type=positive,
-        metavar="S",
-        help="horizon [s]; default: the case's own",
-    )
-    add_dt(parser)
 
 
 def _add_ensemble(parser: argparse.ArgumentParser) -> None:

@@ -8,6 +8,7 @@ from scipy import stats
 
 from jaxglider.io import metrics_dict
 from jaxglider.metrics import Metrics
+from jaxglider.references import WaypointPath
 from jaxglider.rollout import ClosedLoop
 from tuning.members import nominal_member
 from tuning.objective import CHANNELS
@@ -22,10 +23,11 @@ def verdict(task: Task, tuned: ClosedLoop) -> dict[str, Any]:
     loops = {"before": task.loop, "after": tuned}
     nominal = {name: run(at, nominal_member(task.loop)) for name, at in loops.items()}
     held_out = {name: jax.device_get(run(at, task.test)) for name, at in loops.items()}
-    has_waypoints = task.loop.scenario.reference.can_finish
+    course = task.loop.scenario.reference
+    waypoints = len(course.north) if isinstance(course, WaypointPath) else None
     return {
         "nominal": {
-            name: metrics_dict(_one(m, 0), has_waypoints=has_waypoints)
+            name: metrics_dict(_one(m, 0), has_waypoints=course.can_finish)
             for name, m in nominal.items()
         },
         "held_out": {
@@ -38,7 +40,7 @@ def verdict(task: Task, tuned: ClosedLoop) -> dict[str, Any]:
             }
             for channel in CHANNELS
         },
-        "counts": {name: _counts(m) for name, m in held_out.items()},
+        "counts": {name: _counts(m, waypoints) for name, m in held_out.items()},
     }
 
 
@@ -83,11 +85,15 @@ def _column(metrics: Metrics, channel: str, measure: str) -> np.ndarray:
     return np.asarray(getattr(getattr(metrics.channels, channel), measure))
 
 
-def _counts(metrics: Metrics) -> dict[str, int]:
+def _counts(metrics: Metrics, waypoints: int | None) -> dict[str, int]:
     outside = sum(_column(metrics, c, "time_outside_funnel") > 0.0 for c in CHANNELS)
-    return {
+    counts = {
         "members": len(np.asarray(metrics.finite)),
         "not_finite": int(np.sum(~np.asarray(metrics.finite))),
         "capsized": int(np.sum(np.asarray(metrics.capsized))),
         "outside_funnel": int(np.sum(outside > 0)),
     }
+    if waypoints is not None:
+        reached = np.asarray(metrics.waypoints_reached)
+        counts["unfinished"] = int(np.sum(reached < waypoints))
+    return counts

@@ -46,7 +46,7 @@ class LineOfSight(Container):
         ValueError: the lookahead is not positive or the integral gain negative.
     """
 
-    lookahead: Scalar = eqx.field(converter=as_float)
+    lookahead: Scalar = eqx.field(converter=as_float, metadata={"unit": "m"})
     integral_gain: Scalar = eqx.field(converter=as_float)
 
     def __check_init__(self) -> None:

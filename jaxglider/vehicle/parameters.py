@@ -220,6 +220,19 @@ def load_vehicle(name_or_path: str | Path) -> VehicleData:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{source}: not valid TOML: {error}.") from error
+    return vehicle_of(data, source)
+
+
+def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
+    """A vehicle from the tables of its file.
+
+    Args:
+        data: parsed TOML.
+        source: where it is from, for messages.
+
+    Raises:
+        ValueError: unknown or missing parameter, or a bad value.
+    """
     tables = {"parameters": GliderParameters, "limits": Command, "body": BodyParameters}
     if "body" not in data:
         del tables["body"]

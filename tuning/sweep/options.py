@@ -6,12 +6,9 @@ from typing import Any
 
 from tuning.arguments import (
     CONTROLLERS,
-    PLANTS,
-    SCENARIOS,
-    add_dt,
+    add_case,
     checked,
     count,
-    positive,
     seed,
     share,
     uncertainty,
@@ -78,10 +75,10 @@ def _add_case(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--gains",
         nargs="+",
-        default=["paper"],
         metavar="FILE",
-        help="gains files, as `tune` writes them, or the words paper and tuned; all "
-        "meet the same members, and are compared with the first; default: paper",
+        help="gains files, as `tune` writes them, or the words paper, tuned and, with "
+        "--config, mission; all meet the same members, and are compared with the "
+        "first; default: mission with --config, else paper",
     )
     parser.add_argument(
         "--controller",
@@ -92,19 +89,7 @@ def _add_case(parser: argparse.ArgumentParser) -> None:
         help=f"what the words stand for, any of {', '.join(CONTROLLERS)}; default: "
         "fxtppc",
     )
-    parser.add_argument(
-        "--scenario", choices=SCENARIOS, default="switching", help="default: switching"
-    )
-    parser.add_argument(
-        "--plant", choices=PLANTS, default="rigid-body", help="default: rigid-body"
-    )
-    parser.add_argument(
-        "--duration",
-        type=positive,
-        metavar="S",
-        help="horizon [s]; default: the case's own",
-    )
-    add_dt(parser)
+    add_case(parser)
 
 
 def _add_members(parser: argparse.ArgumentParser) -> None:

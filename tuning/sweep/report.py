@@ -65,8 +65,8 @@ def _head(summary: dict[str, Any]) -> str:
     return (
         f"# How sure: {summary['scenario']} on {summary['plant']}\n\n"
         f"{summary['members']} members, the same for every set of gains. {how} All "
-        "are judged by the funnel that the paper prescribes. A run that became "
-        "non-finite counts as every kind of trouble and as worse than any other. "
+        "are judged by one funnel, that of the case. A run that became non-finite "
+        "counts as every kind of trouble and as worse than any other. "
         f"Brackets are {100 * summary['confidence']:g} % intervals: exact ones "
         "(Clopper and Pearson) of probabilities, order statistics of quantiles."
         f"{exact}\n"
@@ -79,7 +79,7 @@ def _likely(summary: dict[str, Any]) -> list[str]:
         [title.strip()]
         + [in_interval(c["probabilities"][name]) for c in controllers.values()]
         for name, title in LINES.items()
-        if name != "p_unfinished" or summary["scenario"] == "waypoints"
+        if name != "p_unfinished" or summary["has_waypoints"]
     ]
     return ["## How likely is trouble\n", *markdown_table(["", *controllers], rows, 1)]
 

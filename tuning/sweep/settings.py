@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from jaxglider import paper
 from jaxglider._toml import ConfigError
 from jaxglider._uncertainty import build_uncertainty
+from jaxglider.config import build_mission, self_contained
 from jaxglider.designs import (
     AbstractDesign,
     LatinHypercube,
@@ -26,7 +26,8 @@ from jaxglider.quantities import uniform_uncertainty
 from jaxglider.rollout import ClosedLoop
 from jaxglider.scenario import Scenario
 from jaxglider.uncertainty import Uncertainty
-from tuning.gain_files import Gains, resolve
+from tuning.case import Case
+from tuning.gain_files import MISSION, PAPER, Gains
 from tuning.members import SWEEP
 
 
@@ -35,10 +36,10 @@ class Settings:
     """A campaign as told on the command line, files included.
 
     Attributes:
-        scenario: `switching` or `waypoints`.
+        scenario: `switching`, `waypoints`, or the mission's name.
         plant: name of the plant.
-        dt: control tick [s].
-        duration: horizon [s]; None for the case's own.
+        dt: control tick [s]; None for the case's own.
+        duration: horizon [s]; likewise.
         precision: of the rollouts, 32 or 64 bits.
         seed: of the members.
         members: how many, over all shards; the most there can be with `--until-ci`.
@@ -46,11 +47,13 @@ class Settings:
         uncertainty: a half width for all, or the text of an uncertainty file.
         gains: what is compared, in order.
         until_ci: width of the interval at which to stop, or None.
+        mission: the tables of a mission file, files that it names included, or None
+            for a case of the paper.
     """
 
     scenario: str
     plant: str
-    dt: float
+    dt: float | None
     duration: float | None
     precision: int
     seed: int
@@ -59,6 +62,13 @@ class Settings:
     uncertainty: float | str
     gains: tuple[Gains, ...]
     until_ci: float | None = None
+    mission: dict[str, Any] | None = None
+
+    def case(self) -> Case:
+        """What is flown."""
+        if self.mission is not None:
+            return Case.of_mission(build_mission(self.mission), self.duration)
+        return Case.of_paper(self.scenario, self.plant, self.dt, self.duration)
 
     def fingerprint(self) -> str:
         """A digest of everything that the rows depend on."""
@@ -114,9 +124,11 @@ def read_settings(options: argparse.Namespace, half_width: Any) -> Settings:
     Raises:
         ValueError: a file cannot be read.
     """
+    case = Case.of_options(options)
+    words = options.gains or [MISSION if case.own is not None else PAPER]
     return Settings(
-        scenario=options.scenario,
-        plant=options.plant,
+        scenario=case.title,
+        plant=case.plant,
         dt=options.dt,
         duration=options.duration,
         precision=options.precision,
@@ -124,10 +136,9 @@ def read_settings(options: argparse.Namespace, half_width: Any) -> Settings:
         members=options.members,
         design=options.design,
         uncertainty=_text(half_width),
-        gains=resolve(
-            options.gains, options.controller, options.scenario, options.plant
-        ),
+        gains=case.resolve(words, options.controller),
         until_ci=options.until_ci,
+        mission=None if options.config is None else self_contained(options.config),
     )
 
 
@@ -143,25 +154,15 @@ def _text(half_width: float | Path) -> float | str:
 def build(settings: Settings) -> Campaign:
     """Put a campaign together.
 
-    All controllers are judged by the funnel that the paper prescribes, whatever
-    becomes of their own.
-
     Raises:
         ValueError: a number, an uncertainty or a set of gains cannot be used.
     """
-    scenario = paper.make_scenario(
-        settings.scenario, settings.plant, dt=settings.dt, duration=settings.duration
-    )
-    scenario = dataclasses.replace(scenario, funnel=paper.funnel(settings.scenario))
-    model = paper.design_model(scenario.plant)
-    uncertainty = _uncertainty(settings.uncertainty, scenario)
-    loaded = [gains.load(settings.scenario, model) for gains in settings.gains]
+    case = settings.case()
+    uncertainty = _uncertainty(settings.uncertainty, case.scenario)
+    case = dataclasses.replace(case, scenario=uncertainty.scenario)
+    kinds, loops = zip(*(case.loop(gains) for gains in settings.gains), strict=True)
     return Campaign(
-        settings,
-        uncertainty,
-        make_design(settings, uncertainty.names()),
-        tuple(ClosedLoop(uncertainty.scenario, c, o) for _, c, o in loaded),
-        tuple(kind for kind, _, _ in loaded),
+        settings, uncertainty, make_design(settings, uncertainty.names()), loops, kinds
     )
 
 

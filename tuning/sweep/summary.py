@@ -69,6 +69,7 @@ def summarise(
     return {
         "scenario": settings.scenario,
         "plant": settings.plant,
+        "has_waypoints": waypoints is not None,
         "precision": settings.precision,
         "design": settings.design,
         "seed": settings.seed,
@@ -145,7 +146,7 @@ def text_summary(summary: dict[str, Any]) -> str:
     half = f"{100 * told:g} %" if isinstance(told, float) else "from a file"
     rows = [["probability", *controllers]]
     for name, title in LINES.items():
-        if name == "p_unfinished" and summary["scenario"] != "waypoints":
+        if name == "p_unfinished" and not summary["has_waypoints"]:
             continue
         found = [of["probabilities"][name] for of in controllers.values()]
         rows.append([title, *map(in_interval, found)])

@@ -1,0 +1,156 @@
+"""Missions of the user's own, tuned and swept like the paper's cases."""
+
+import json
+import tomllib
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+import tomli_w
+
+import tuning.tune
+from jaxglider import paper
+from jaxglider.config import encode_law, load_mission
+from jaxglider.io import metrics_dict
+from jaxglider.rollout import evaluate
+from jaxglider.vehicle.parameters import vehicle_text
+from tuning.case import Case
+from tuning.options import parser
+from tuning.sweep.settings import build, read_settings
+from tuning.task import build_task
+
+COURSE = {
+    "name": "bay",
+    "clock": {"duration_s": 4.0, "dt_s": 0.1},
+    "vehicle": {"data": "own.toml", "plant": "rigid-body"},
+    "actuators": {"mass_angle": {"rate_limit_rad_s": 0.2}},
+    "disturbance": [{"type": "paper"}],
+    "reference": {
+        "type": "waypoints",
+        "waypoints": {"north_m": [1.0], "east_m": [2.0], "radius_m": 0.5},
+    },
+    "controller": {"type": "smc"},
+}
+
+
+@pytest.fixture(autouse=True)
+def bay(tmp_path, monkeypatch):
+    """A folder with a mission on a vehicle of its own."""
+    monkeypatch.chdir(tmp_path)
+    heavier = vehicle_text("seawing").replace("value = 54.28", "value = 50.0", 1)
+    assert heavier != vehicle_text("seawing")
+    (tmp_path / "own.toml").write_text(heavier)
+    (tmp_path / "bay.toml").write_text(tomli_w.dumps(COURSE))
+
+
+def _options(*words):
+    return parser().parse_args([*words, "--config", "bay.toml"])
+
+
+def test_what_is_tuned_is_the_mission_of_the_file():
+    task = build_task(_options("tune", "--members", "1"))
+    mission = load_mission("bay.toml")
+    assert (task.case.title, task.case.kind, task.kind) == ("bay", "waypoints", "smc")
+    # But for the funnel it is judged by, which was the controller's own.
+    loop = eqx.tree_at(
+        lambda at: at.scenario.funnel, task.loop, None, is_leaf=lambda x: x is None
+    )
+    assert eqx.tree_equal(loop, mission.loop)
+    assert eqx.tree_equal(task.loop.scenario.funnel, mission.loop.controller.funnel)
+
+
+def test_another_law_can_be_tuned_for_the_same_mission():
+    task = build_task(_options("tune", "--members", "1", "--controller", "fxtppc"))
+    model = load_mission("bay.toml").loop.controller.model
+    wanted = paper.make_controller("fxtppc", "waypoints", model)
+    assert task.kind == "fxtppc"
+    assert eqx.tree_equal(task.loop.controller, wanted)
+
+
+def test_a_funnel_of_the_mission_is_what_is_judged_by(tmp_path):
+    funnel = {"performance": {"heading": {"final_bound_rad": 0.6}}}
+    (tmp_path / "bay.toml").write_text(tomli_w.dumps(COURSE | {"funnel": funnel}))
+    case = Case.of_options(_options("tune"))
+    assert float(case.scenario.funnel.performance.heading.final_bound) == 0.6
+
+
+def test_the_horizon_alone_can_be_given_beside_a_mission():
+    clock = Case.of_options(_options("tune", "--duration", "2")).scenario.clock
+    assert (clock.ticks, float(clock.dt)) == (20, 0.1)
+
+
+@pytest.mark.parametrize("command", ["tune", "check-gradients", "sweep", "export"])
+@pytest.mark.parametrize(
+    "words", [("--scenario", "switching"), ("--plant", "printed"), ("--dt", "0.1")]
+)
+def test_what_the_mission_says_is_not_said_again(call, command, words):
+    code, out, err = call(command, "--config", "bay.toml", *words)
+    assert (code, out) == (2, "")
+    assert f"{words[0]} does not go with --config; the mission file bay.toml" in err
+
+
+def test_guidance_tuned_for_a_mission_comes_back_with_its_gains(
+    call, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(tuning.tune, "write_report", lambda *args: None)
+    code, out, err = call(
+        *("tune", "--config", "bay.toml", "--members", "1", "--method", "random"),
+        *("--free", "scenario.reference.line_of_sight", "controller.c1"),
+        *("--population", "4", "--steps", "3", "--no-check", "--json", "--out", "a"),
+    )
+    assert code == 0, err
+    result = json.loads(out)
+    assert (result["scenario"], result["mission"]) == ("bay", "bay.toml")
+    assert set(result["counts"]["after"]) >= {"unfinished", "capsized"}
+    written = tomllib.loads((tmp_path / "a" / "gains.toml").read_text())
+    path = "scenario.reference.line_of_sight.lookahead"
+    after = result["gains"][path]["after"]
+    assert written["guidance"]["lookahead_m"] == after != 2.5
+    assert written["provenance"]["mission"] == "bay.toml"
+    # The mission flown with the file is the run that was tuned.
+    table = COURSE | {"controller": {"gains_file": "a/gains.toml"}}
+    (tmp_path / "tuned.toml").write_text(tomli_w.dumps(table))
+    mission = load_mission("tuned.toml")
+    flown = jax.jit(evaluate)(
+        mission.loop, mission.loop.scenario.sea(jax.random.key(0))
+    )
+    flown = metrics_dict(flown, has_waypoints=True)
+    for channel, measures in flown["channels"].items():
+        np.testing.assert_allclose(
+            measures["rms_error"],
+            result["nominal"]["after"]["channels"][channel]["rms_error"],
+            rtol=1e-12,
+        )
+    code, _, err = call("export", "--gains", "a/gains.toml")
+    assert code == 2
+    assert "tuned for the mission bay.toml" in err
+    assert "controller.gains_file" in err
+
+
+def test_going_on_with_another_vehicle_is_refused(tmp_path):
+    before = tuning.tune.fingerprint(_options("tune"))
+    assert before == tuning.tune.fingerprint(_options("tune"))
+    (tmp_path / "own.toml").write_text(vehicle_text("seawing"))
+    assert before != tuning.tune.fingerprint(_options("tune"))
+
+
+def test_a_campaign_keeps_its_mission_whole(sweep, tmp_path):
+    code, out, err = sweep(
+        "sweep --no-report --precision 64 --config bay.toml --gains mission paper "
+        "--members 20 --out a --json"
+    )
+    assert code == 0, err
+    summary = json.loads(out)
+    assert (summary["scenario"], summary["plant"]) == ("bay", "rigid-body")
+    assert list(summary["controllers"]) == ["smc (mission)", "fxtppc"]
+    assert summary["has_waypoints"] is True
+    settings = read_settings(_options("sweep", "--controller", "smc"), half_width=0.2)
+    assert [gains.label for gains in settings.gains] == ["smc (mission)"]
+    mission = load_mission("bay.toml")
+    for name in ("bay.toml", "own.toml"):
+        (tmp_path / name).unlink()
+    again = type(settings).of(json.loads(json.dumps(settings.__dict__, default=vars)))
+    (loop,) = build(again).loops
+    assert encode_law(loop) == encode_law(mission.loop)
+    assert eqx.tree_equal(loop.scenario.plant, mission.loop.scenario.plant)
