@@ -90,6 +90,12 @@ def test_what_the_mission_says_is_not_said_again(call, command, words):
     assert f"{words[0]} does not go with --config; the mission file bay.toml" in err
 
 
+def test_gains_of_a_mission_need_one(call):
+    code, _, err = call("sweep", "--gains", "mission")
+    assert code == 2
+    assert "--gains mission goes with --config FILE." in err
+
+
 def test_guidance_tuned_for_a_mission_comes_back_with_its_gains(
     call, tmp_path, monkeypatch
 ):

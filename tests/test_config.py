@@ -492,6 +492,21 @@ def test_wrong_tables_in_the_place_of_files_are_named(change, message, tmp_path)
     assert _refusal(change, tmp_path).startswith(message)
 
 
+def test_the_template_keeps_all_that_a_gains_file_says(tmp_path):
+    """Its examples of gains would stand before the file, were they not comments."""
+    loop = paper.make_loop("switching")
+    law = jax.tree.map(lambda x: 0.9 * x, (loop.controller.gains, loop.observer))
+    gains = {"type": "fxtppc", "gains": encode(law[0])}
+    _gains_file(tmp_path, controller=gains, observer=encode(law[1]))
+    text = TEMPLATE().replace(
+        '# gains_file = "gains.toml"', 'gains_file = "gains.toml"'
+    )
+    (tmp_path / "mission.toml").write_text(text)
+    found = load_mission(tmp_path / "mission.toml").loop
+    assert encode(found.controller.gains) == encode(law[0])
+    assert encode(found.observer) == encode(law[1])
+
+
 def test_a_gains_file_of_another_kind_is_refused(tmp_path):
     _gains_file(tmp_path, "ppc")
     table = {"controller": {"type": "smc", "gains_file": "gains.toml"}}

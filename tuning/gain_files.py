@@ -77,6 +77,8 @@ def resolve(
             found.append(own)
             continue
         path = Path(name)
+        if name == MISSION and not path.exists():
+            raise ConfigError(f"--gains {MISSION} goes with --config FILE.")
         if name == TUNED and not path.exists():
             found += [
                 Gains(
