@@ -103,7 +103,18 @@ def test_guidance_tuned_for_a_mission_comes_back_with_its_gains(
     code, out, err = call(
         *("tune", "--config", "bay.toml", "--members", "1", "--method", "random"),
         *("--free", "scenario.reference.line_of_sight", "controller.c1"),
-        *("--population", "4", "--steps", "3", "--no-check", "--json", "--out", "a"),
+        *(
+            "--population",
+            "4",
+            "--spread",
+            "0.2",
+            "--steps",
+            "3",
+            "--no-check",
+            "--json",
+            "--out",
+            "a",
+        ),
     )
     assert code == 0, err
     result = json.loads(out)

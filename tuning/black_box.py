@@ -14,9 +14,6 @@ from tuning.descent_state import Settings, Step
 from tuning.progress import Progress, note
 from tuning.task import Task
 
-SPREAD = 0.5
-"""First standard deviation of the draws, in the logarithm of a gain."""
-
 
 def black_box(
     method: str,
@@ -25,6 +22,8 @@ def black_box(
     settings: Settings,
     progress: Progress,
     population: int | None = None,
+    *,
+    spread: float,
 ) -> tuple[Series, list[Step], bool]:
     """Search with the budget that the descent of these settings would have.
 
@@ -35,6 +34,7 @@ def black_box(
         settings: of the descent: what its steps cost, and the seed.
         progress: where to show progress.
         population: draws per generation; that of CMA-ES by default.
+        spread: first standard deviation of the draws, in the logarithm of a gain.
 
     Returns:
         The free numbers that are best on the validation members, the history, and
@@ -48,7 +48,7 @@ def black_box(
         start,
         budget,
         population,
-        SPREAD,
+        spread,
         settings.seed,
         members=members,
     )

@@ -88,7 +88,13 @@ def tune(options: argparse.Namespace) -> int:
         else:
             progress.show("compiling the search ...")
             chosen, history, interrupted = black_box(
-                options.method, task, start, settings, progress, options.population
+                options.method,
+                task,
+                start,
+                settings,
+                progress,
+                options.population,
+                spread=options.spread,
             )
     finally:
         progress.clear()

@@ -54,6 +54,14 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
         "cores or an accelerator; default: 4 + 3 log n, n the numbers tuned",
     )
     descent.add_argument(
+        "--spread",
+        type=positive,
+        default=0.5,
+        metavar="R",
+        help="of the first draws of cma and random: standard deviation in the "
+        "logarithm of a gain; default: 0.5",
+    )
+    descent.add_argument(
         "--steps", type=count, default=120, metavar="N", help="default: 120"
     )
     descent.add_argument(
