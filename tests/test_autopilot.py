@@ -11,11 +11,10 @@ from jaxglider.autopilot import autopilot
 from jaxglider.export.plant import Afloat, drift, truth_of
 from jaxglider.export.vectors import replay
 from jaxglider.guard import BITS, STATUS, Guard, status_names
-from jaxglider.rollout import simulate
 from jaxglider.signals import BodyAxes, Command, GliderState, each, zeros
 from jaxglider.vehicle.actuators import Actuator
 
-TICKS = 300
+TICKS = 400
 DT = 0.05
 NONE = np.zeros(TICKS, bool)
 
@@ -68,10 +67,10 @@ def spoilt(rows, value, ticks, *names):
 
 
 @pytest.fixture(scope="module")
-def flight():
+def flight(simulate_jit):
     """A loop, the simulated commands, and what was measured when."""
     loop = paper.make_loop("waypoints", "printed", "fxtppc", duration=TICKS * DT)
-    ticks = jax.jit(simulate)(loop, loop.scenario.sea(jax.random.key(0))).ticks
+    ticks = simulate_jit(loop, loop.scenario.sea(jax.random.key(0))).ticks
     applied = np.stack([np.asarray(x) for x in jax.tree.leaves(ticks.applied)], axis=1)
     return loop, applied, np.asarray(ticks.time), ticks.state
 
@@ -295,7 +294,7 @@ def test_a_glider_in_closed_loop_comes_back_to_its_course(fault):
         assert 1e-4 < off.max() < 0.5
 
 
-def test_rates_are_limited_on_board_and_lags_are_left_to_the_servo():
+def test_rates_are_limited_on_board_and_lags_are_left_to_the_servo(simulate_jit):
     actuators = Command(
         Actuator(0.4, rate_limit=0.02),
         Actuator(0.06, time_constant=1.0),
@@ -303,7 +302,7 @@ def test_rates_are_limited_on_board_and_lags_are_left_to_the_servo():
     )
     loop = paper.make_loop("switching", "printed", "smc", duration=100 * DT)
     loop = eqx.tree_at(lambda c: c.scenario.actuators, loop, actuators)
-    ticks = jax.jit(simulate)(loop, loop.scenario.sea(jax.random.key(0))).ticks
+    ticks = simulate_jit(loop, loop.scenario.sea(jax.random.key(0))).ticks
     pilot = autopilot(loop)
     seen = replay(pilot, ticks.time, ticks.state)
     np.testing.assert_allclose(
