@@ -43,37 +43,44 @@ def structure(made, single=False):
     return type(made.name, (ctypes.Structure,), {"_fields_": fields})
 
 
+REPLAY = """
+#include "glider.h"
+
+void replay(int ticks, const glider_measurement *given, glider_command *command)
+{
+    glider_state state;
+    glider_reference reference;
+    glider_init(&state);
+    for (int n = 0; n < ticks; n++) {
+        glider_plan(&state, &given[n], &reference);
+        glider_step(&state, &given[n], &reference, &command[n]);
+    }
+}
+"""
+"""The loop over the ticks, in C: a call through ctypes for each would be slower."""
+
+
 class Onboard:
     """The compiled autopilot."""
 
     def __init__(self, folder, source, *flags):
         texts = {"glider.h": source.header, "glider.c": source.source}
-        self.code = compile_library(folder, texts, *flags)
+        self.code = compile_library(folder, {**texts, "replay.c": REPLAY}, *flags)
         single = "-DGLIDER_FLOAT" in flags
         self.types = {k: structure(s, single) for k, s in source.structures.items()}
-        self.start()
-
-    def start(self):
-        self.state, self.reference, self.command = (
-            self.types[k]() for k in ("state", "reference", "command")
-        )
-        self.code.glider_init(ctypes.byref(self.state))
-
-    def tick(self, time, measured):
-        """Command and status for one measurement."""
-        given = self.types["measurement"](time, *measured)
-        point = ctypes.byref
-        self.code.glider_plan(point(self.state), point(given), point(self.reference))
-        self.code.glider_step(
-            point(self.state), point(given), point(self.reference), point(self.command)
-        )
-        return numbers(self.command)
 
     def replay(self, times, measured):
         """Commands and status words for a series of measurements."""
-        self.start()
-        rows = np.stack([np.asarray(x) for x in jax.tree.leaves(measured)], axis=1)
-        return np.array([self.tick(t, row) for t, row in zip(times, rows, strict=True)])
+        given, command = (
+            np.zeros(len(times), np.dtype(self.types[name]))
+            for name in ("measurement", "command")
+        )
+        filled = (times, *jax.tree.leaves(measured))
+        for name, column in zip(given.dtype.names, filled, strict=True):
+            given[name] = column
+        places = (x.ctypes.data_as(ctypes.c_void_p) for x in (given, command))
+        self.code.replay(len(times), *places)
+        return np.stack([command[name] for name in command.dtype.names], axis=1)
 
 
 def numbers(made):

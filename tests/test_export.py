@@ -30,6 +30,12 @@ FUZZED = 17_000
 """For each of six exports: 102,000 in all."""
 
 
+@pytest.fixture(scope="module")
+def plant():
+    """The glider in C; its columns depend on neither case nor law."""
+    return plant_source(paper.make_loop("switching", "printed", "smc"), "test")
+
+
 @pytest.fixture(scope="module", params=["switching", "waypoints"])
 def course(request):
     """A case of the paper, and 800 s of what its sensors say."""
@@ -44,7 +50,9 @@ def _limits(loop):
 
 @needs_compiler
 @pytest.mark.parametrize("name", paper.CONTROLLERS)
-def test_compiled_code_follows_the_trace_even_through_faults(course, name, tmp_path):
+def test_compiled_code_follows_the_trace_even_through_faults(
+    course, plant, name, tmp_path
+):
     scenario, flown, seen = course
     loop = paper.make_loop(scenario, "printed", name)
     pilot = autopilot(loop, Guard(patience=0.5))
@@ -72,12 +80,11 @@ def test_compiled_code_follows_the_trace_even_through_faults(course, name, tmp_p
     for commands in (double, expected):
         assert np.isfinite(commands).all()
         assert (np.abs(commands[:, :3]) <= limits * (1 + 1e-15)).all()
-    _fuzz_sanitized(tmp_path / "double", source, loop)
+    _fuzz_sanitized(tmp_path / "double", source, plant)
 
 
-def _fuzz_sanitized(folder, source, loop):
+def _fuzz_sanitized(folder, source, plant):
     """The fuzzer in C under sanitizers, in the folder with the sources."""
-    plant = plant_source(loop, "test")
     (folder / "columns.h").write_text(columns_text(source, plant, "test", {}))
     (folder / "fuzz.c").write_text((TEMPLATES / "fuzz.c").read_text())
     flags = "-g -fsanitize=address,undefined -fno-sanitize-recover=all"
