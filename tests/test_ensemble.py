@@ -42,6 +42,11 @@ def one_by_one():
     return jax.tree.map(lambda *x: np.stack(x), *rows)
 
 
+def _mapped(function, members, **options):
+    """As one program: step by step, each slice and reshape would compile by itself."""
+    return jax.jit(lambda x: map_members(function, x, **options))(members)
+
+
 def _assert_same(got, wanted, exactly=False):
     assert jax.tree.structure(got) == jax.tree.structure(wanted)
     for a, b in zip(jax.tree.leaves(got), jax.tree.leaves(wanted), strict=True):
@@ -55,14 +60,14 @@ def _assert_same(got, wanted, exactly=False):
 
 @pytest.mark.parametrize("block", [1, 4, 13, 64])
 def test_blocks_of_any_size_give_what_a_loop_over_members_gives(one_by_one, block):
-    _assert_same(map_members(_member, _members(), block=block), one_by_one)
+    _assert_same(_mapped(_member, _members(), block=block), one_by_one)
 
 
 @pytest.mark.parametrize("block", [2, 64])
 def test_two_devices_give_what_one_gives(one_by_one, block):
     devices = jax.devices()[:2]
     assert len(devices) == 2
-    got = map_members(_member, _members(), block=block, devices=devices)
+    got = _mapped(_member, _members(), block=block, devices=devices)
     _assert_same(got, one_by_one)
     used = {
         shard.device for x in jax.tree.leaves(got) for shard in x.addressable_shards
@@ -71,12 +76,12 @@ def test_two_devices_give_what_one_gives(one_by_one, block):
 
 
 def test_a_list_of_one_device_spreads_nothing(one_by_one):
-    got = map_members(_member, _members(), block=5, devices=jax.devices()[:1])
+    got = _mapped(_member, _members(), block=5, devices=jax.devices()[:1])
     _assert_same(got, one_by_one)
 
 
 def test_a_member_can_be_run_again_by_itself(one_by_one):
-    alone = map_members(_member, _members(first=9, count=1))
+    alone = _mapped(_member, _members(first=9, count=1))
     _assert_same(alone, jax.tree.map(lambda x: x[9:10], one_by_one))
 
 
@@ -84,7 +89,7 @@ def test_members_keep_their_order_and_padding_is_dropped():
     for count, block in ((1, 4), (4, 4), (5, 4), (11, 3)):
         numbers = jnp.arange(count)
         for devices in (None, jax.devices()[:2]):
-            got = map_members(lambda i: 10 * i, numbers, block=block, devices=devices)
+            got = _mapped(lambda i: 10 * i, numbers, block=block, devices=devices)
             np.testing.assert_array_equal(got, 10 * np.arange(count))
 
 

@@ -69,11 +69,12 @@ def tick_at(number, active_until, error_scale, bound):
     )
 
 
+ticks_at = jax.jit(jax.vmap(tick_at, (0, None, None, None)))
+
+
 def make_run(ticks=100, active_until=None, error_scale=1.0, bound=1.0):
     until = ticks if active_until is None else active_until
-    records = jax.vmap(lambda n: tick_at(n, until, error_scale, bound))(
-        jnp.arange(ticks)
-    )
+    records = ticks_at(jnp.arange(ticks), until, error_scale, bound)
     zero = jnp.zeros(())
     metrics = finish(empty_sums(zero), GliderState.at_rest(), jnp.asarray(0), zero + DT)
     return Trajectory(records, metrics)
@@ -428,7 +429,7 @@ def written(tmp_path_factory, simulate_jit):
     """A real run, its files, and what was in the folder before."""
     folder = tmp_path_factory.mktemp("figures")
     (folder / "tracking.png").write_bytes(b"old")
-    loop = paper.make_loop("waypoints", duration=3.0)
+    loop = paper.make_loop("waypoints", duration=20.0)
     real = simulate_jit(loop, loop.scenario.sea(jax.random.key(0)))
     before = dict(matplotlib.rcParams)
     files = plotting.save_all(folder, loop.scenario, {"FxTPPC": real})
@@ -478,11 +479,16 @@ def test_each_format_is_written_as_such(tmp_path):
         assert save(figure, tmp_path / f"x.{ending}").read_bytes().startswith(magic)
 
 
-@pytest.mark.parametrize("name", ["tracking", "errors", "commands", "path_plan"])
-def test_legend_is_legible_and_covers_neither_data_nor_margin(run, name):
+@pytest.fixture(scope="module")
+def every(run):
+    """All figures of three runs."""
     runs = {label: make_run(bound=b) for label, b in (("SMC", 1), ("PPC", 2))}
     runs["FxTPPC"] = run
-    every = dict(plotting.figures(paper.make_scenario("waypoints"), runs))
+    return dict(plotting.figures(paper.make_scenario("waypoints"), runs))
+
+
+@pytest.mark.parametrize("name", ["tracking", "errors", "commands", "path_plan"])
+def test_legend_is_legible_and_covers_neither_data_nor_margin(every, name):
     figure = every[name]
     with look():
         figure.canvas.draw()
