@@ -33,6 +33,8 @@ class Runs:
                 "JAX_PLATFORMS": "cpu",
                 "XLA_FLAGS": count,
                 "XDG_CACHE_HOME": str(self.folder),
+                # The small programs too: together they take as long as the large one.
+                "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
             },
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
