@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from jaxglider import paper
+from jaxglider._types import as_float
 from jaxglider.sensors import Sensor, realise_errors
 from jaxglider.signals import Command
 from jaxglider.vehicle.actuators import NEVER, Actuator, Failure
@@ -20,7 +21,7 @@ STUCK, WEAK, SHARE = 4.0, 6.0, 0.4
 
 def troubled(bias=0.0, noise=0.0, stuck=NEVER, weak=NEVER, width=1.0):
     """The paper's case with sensors, actuators that fail, and a funnel to judge by."""
-    loop = paper.make_loop("switching", duration=10.0)
+    loop = paper.make_loop("switching", duration=20.0)
     plain = loop.scenario.actuators
     actuators = Command(
         Actuator(plain.buoyancy_mass.limit, failure=Failure(weak, SHARE)),
@@ -56,7 +57,7 @@ def calm(fly):
 
 
 def test_absent_trouble_is_the_plain_loop(calm, simulate_jit):
-    loop = paper.make_loop("switching", duration=10.0)
+    loop = paper.make_loop("switching", duration=20.0)
     plain = simulate_jit(loop, loop.scenario.sea(KEY))
     for a, b in zip(jax.tree.leaves(calm), jax.tree.leaves(plain), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
@@ -70,9 +71,9 @@ def test_without_sensors_and_funnel_a_tick_has_no_place_for_them():
 
 def test_a_controller_sees_the_measured_state(fly, simulate_jit):
     biased = fly(bias=0.1)
-    shifted = paper.make_loop("switching", duration=10.0)
+    shifted = paper.make_loop("switching", duration=20.0)
     shifted = eqx.tree_at(
-        lambda at: at.scenario.initial_state.heading, shifted, jnp.asarray(0.1)
+        lambda at: at.scenario.initial_state.heading, shifted, as_float(0.1)
     )
     seen = simulate_jit(shifted, shifted.scenario.sea(KEY))
     first = lambda run: jax.tree.map(lambda x: float(x[0]), run.ticks.wanted)
