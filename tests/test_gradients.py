@@ -148,7 +148,7 @@ def test_gradient_is_exact_where_the_error_starts_at_zero_and_at_the_funnel_edge
 
 
 def test_forward_and_reverse_mode_agree_and_auto_is_one_of_them(baselines):
-    *_, start, loss, both = baselines["smc"]
+    *_, start, loss, both = baselines["ppc"]
     again, reverse = both(start)
     value, forward = jax.jit(value_and_gradient(loss, "forward"))(start)
     assert float(value) == pytest.approx(float(again), rel=1e-13)
@@ -169,7 +169,7 @@ def test_the_mode_follows_from_the_lanes_it_would_fill(members, mode):
 
 
 def test_a_gradient_memory_changes_no_value_and_without_end_no_gradient(baselines):
-    loop, sea, start, _, both = baselines["smc"]
+    loop, sea, start, _, both = baselines["ppc"]
     plain = both(start)
 
     @jax.jit
