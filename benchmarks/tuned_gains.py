@@ -1,16 +1,17 @@
 """Make the gains that come with jaxglider: `python benchmarks/tuned_gains.py`.
 
-Tunes every controller on every plant and case with 200 steps of `jaxglider tune`,
-copies the gains into the package, and writes a table of what they are worth on members
-that neither descent nor choice has seen. Where the folder `starts` has a file for a
-case, the descent starts from it, else from the paper's gains, and likewise for an
-objective. Cases can be named to make a part again; the table is of all that `--out`
-holds. Run it in the folder above.
+Tunes every controller on every plant and case with 200 steps of `jaxglider tune` and
+copies the gains into the package. Where the folder `starts` has a file for a case, the
+descent starts from it, else from the paper's gains, and likewise for an objective; on
+the courses of the consistent plants guidance is tuned too. Cases can be named to make a
+part again.
+
+Then, or with `--judge` at once, it writes a table of what the gains of the package are
+worth on members that neither descent nor choice has seen. Run it in the folder above.
 """
 
 import argparse
 import itertools
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +19,8 @@ from typing import Any
 
 from jaxglider.io import replacing, write_text
 from tuning.arguments import CONTROLLERS, PLANTS, SCENARIOS
+from tuning.cli import start_jax
+from tuning.options import parser as tune_parser
 
 STARTS = Path("benchmarks", "starts")
 PACKAGE = Path(__file__).parent.parent / "jaxglider" / "tuned"
@@ -27,6 +30,9 @@ PAPER_BEST = {
 }
 """L2[e] of the best average-tracking cell that the paper prints [m, rad, rad]."""
 LABELS = {"smc": "SMC", "ppc": "PPC", "fxtppc": "FxTPPC"}
+GUIDANCE = "scenario.reference.line_of_sight"
+FINISH = ("--cost", f"{STARTS / 'finish_first.py'}:cost")
+"""SeaWing turns so slowly that it must be told to mind the waypoints."""
 
 
 def main() -> int:
@@ -36,12 +42,13 @@ def main() -> int:
         if name not in cases:
             sys.stderr.write(f"{name} must be one of {', '.join(cases)}.\n")
             return 2
+        if options.judge:
+            continue
         code = _tune(name, options.out / name, options.arguments)
         if code:
             return code
-    found = [options.out / name / "tune.json" for name in cases]
-    results = [json.loads(path.read_text()) for path in found if path.is_file()]
-    table = _table(results)
+    start_jax(64, every_core=True)
+    table = _table([_judge(name) for name in options.only or cases])
     write_text(options.out / "tuned.md", table)
     sys.stdout.write(table)
     return 0
@@ -52,21 +59,41 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, default=Path("results/tuned"))
     parser.add_argument("--only", nargs="+", metavar="SCENARIO-PLANT-CONTROLLER")
     parser.add_argument(
+        "--judge", action="store_true", help="tune nothing, write the table alone"
+    )
+    parser.add_argument(
         "arguments", nargs="*", help="of `jaxglider tune`, after `--`, for all cases"
     )
     return parser
 
 
-def _tune(name: str, out: Path, more: list[str]) -> int:
+def _case(name: str) -> tuple[str, str, str]:
+    """Scenario, plant and controller of a case."""
     scenario, rest = name.split("-", 1)
     plant, controller = rest.rsplit("-", 1)
-    case = ("--scenario", scenario, "--plant", plant, "--controller", controller)
+    return scenario, plant, controller
+
+
+def _words(name: str) -> tuple[str, ...]:
+    """Of the command that tunes a case."""
+    scenario, plant, controller = _case(name)
+    words = ["tune", "--scenario", scenario, "--plant", plant]
+    words += ["--controller", controller]
     start = STARTS / f"{name}.toml"
-    given = ("--gains", str(start)) if start.is_file() else ()
+    if start.is_file():
+        words += ["--gains", str(start)]
     objective = STARTS / f"{name}-objective.toml"
     if objective.is_file():
-        given = (*given, "--objective", str(objective))
-    words = ("tune", *case, *given, "--steps", "200", *more, "--out", str(out))
+        words += ["--objective", str(objective)]
+    if scenario == "waypoints" and plant != "printed":
+        own = ("controller",) if controller == "smc" else ("controller", "observer")
+        words += ["--free", *own, GUIDANCE]
+        words += FINISH if plant == "seawing" else ()
+    return tuple(words)
+
+
+def _tune(name: str, out: Path, more: list[str]) -> int:
+    words = (*_words(name), "--steps", "200", *more, "--out", str(out))
     command = (sys.executable, "-m", "tuning", *words)
     sys.stderr.write(f"{name}\n")
     done = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
@@ -76,11 +103,27 @@ def _tune(name: str, out: Path, more: list[str]) -> int:
     return done.returncode
 
 
+def _judge(name: str) -> dict[str, Any]:
+    """The gains of the package against those the descent started from."""
+    # Only here: JAX must not be set up before `start_jax`.
+    from tuning.task import build_task
+    from tuning.verdict import verdict
+
+    scenario, plant, controller = _case(name)
+    sys.stderr.write(f"judging {name}\n")
+    task = build_task(tune_parser().parse_args(_words(name)))
+    (gains,) = task.case.resolve([str(PACKAGE / f"{name}.toml")], [controller])
+    kind, tuned = task.case.loop(gains)
+    assert kind == controller, f"{name}.toml holds {kind}"
+    about = {"scenario": scenario, "plant": plant, "controller": controller}
+    return about | verdict(task, tuned)
+
+
 def _table(results: list[dict[str, Any]]) -> str:
     lines = [
         "| case | plant | law | depth [m] | pitch [rad] | heading [rad] | "
-        "chattering, heading | left a funnel | past 90° |",
-        "|---|---|---|---:|---:|---:|---:|---:|---:|",
+        "chattering, heading | left a funnel | past 90° | did not finish |",
+        "|---|---|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
     for result in results:
         rows = result["held_out"]
@@ -90,13 +133,17 @@ def _table(results: list[dict[str, Any]]) -> str:
             best = PAPER_BEST[result["scenario"]][channel]
             share = "-"
             if row["after"] is not None:
-                share = f"{100.0 * (1.0 - row['after'] / best):+.0f} %"
+                share = f"{100.0 * (1.0 - row['after'] / best):.0f} %"
             cells.append(f"{_cell(row['before'])} → {_cell(row['after'])} ({share})")
         row = rows["heading"]["chattering"]
         cells.append(f"{_cell(row['before'])} → {_cell(row['after'])}")
-        for count in ("outside_funnel", "capsized"):
-            before, after = (result["counts"][x] for x in ("before", "after"))
-            cells.append(f"{before[count]} → {after[count]} of {after['members']}")
+        before, after = (result["counts"][x] for x in ("before", "after"))
+        for count in ("outside_funnel", "capsized", "unfinished"):
+            cells.append(
+                f"{before[count]} → {after[count]} of {after['members']}"
+                if count in after
+                else "-"
+            )
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
