@@ -3,8 +3,8 @@
 Tunes every controller on every plant and case with 200 steps of `jaxglider tune` and
 copies the gains into the package. Where the folder `starts` has a file for a case, the
 descent starts from it, else from the paper's gains, and likewise for an objective; on
-the courses of the consistent plants guidance is tuned too. Cases can be named to make a
-part again.
+the course of the rigid body guidance is tuned too. Cases can be named to make a part
+again.
 
 Then, or with `--judge` at once, it writes a table of what the gains of the package are
 worth on members that neither descent nor choice has seen. Run it in the folder above.
@@ -31,8 +31,8 @@ PAPER_BEST = {
 """L2[e] of the best average-tracking cell that the paper prints [m, rad, rad]."""
 LABELS = {"smc": "SMC", "ppc": "PPC", "fxtppc": "FxTPPC"}
 GUIDANCE = "scenario.reference.line_of_sight"
-FINISH = ("--cost", f"{STARTS / 'finish_first.py'}:cost")
-"""SeaWing turns so slowly that it must be told to mind the waypoints."""
+GUIDED = ("waypoints", "rigid-body")
+"""Where guidance is tuned too: what suits the printed plant turns too sharply there."""
 
 
 def main() -> int:
@@ -85,10 +85,9 @@ def _words(name: str) -> tuple[str, ...]:
     objective = STARTS / f"{name}-objective.toml"
     if objective.is_file():
         words += ["--objective", str(objective)]
-    if scenario == "waypoints" and plant != "printed":
+    if (scenario, plant) == GUIDED:
         own = ("controller",) if controller == "smc" else ("controller", "observer")
         words += ["--free", *own, GUIDANCE]
-        words += FINISH if plant == "seawing" else ()
     return tuple(words)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -11,7 +12,7 @@ import tomli_w
 
 import tuning.tune
 from jaxglider import paper
-from jaxglider.config import encode_law, load_mission
+from jaxglider.config import encode_law, load_gains, load_mission
 from jaxglider.io import metrics_dict
 from jaxglider.rollout import evaluate
 from jaxglider.vehicle.parameters import vehicle_text
@@ -171,3 +172,23 @@ def test_a_campaign_keeps_its_mission_whole(sweep, tmp_path):
     (loop,) = build(again).loops
     assert encode_law(loop) == encode_law(mission.loop)
     assert eqx.tree_equal(loop.scenario.plant, mission.loop.scenario.plant)
+
+
+MISSIONS = Path(__file__).parents[1] / "benchmarks" / "missions"
+
+
+def test_the_course_with_slow_actuators_differs_from_the_papers_in_them_alone():
+    loop = load_mission(MISSIONS / "seawing-course.toml").loop
+    case = Case.of_paper("waypoints", "seawing", None, None)
+    law = load_gains(
+        MISSIONS / "seawing-course-gains.toml", "waypoints", loop.controller.model
+    )
+    assert law.guidance is not None
+    wanted = law.on(case.scenario)
+    rates = [a.rate_limit for a in vars(loop.scenario.actuators).values()]
+    np.testing.assert_allclose(rates, [0.02, 0.005, 0.2])
+    for part in ("plant", "reference", "initial_state", "funnel", "clock"):
+        assert eqx.tree_equal(
+            getattr(loop.scenario, part), getattr(wanted.scenario, part)
+        ), part
+    assert encode_law(loop) == encode_law(wanted)
