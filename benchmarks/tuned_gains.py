@@ -2,12 +2,13 @@
 
 Tunes every controller on every plant and case with 200 steps of `jaxglider tune` and
 copies the gains into the package. Where the folder `starts` has a file for a case, the
-descent starts from it, else from the paper's gains, and likewise for an objective; on
-the course of the rigid body guidance is tuned too. Cases can be named to make a part
-again.
+descent starts from it, else from the paper's gains; where it has an objective for case
+and plant, that is descended. On the course of the rigid body guidance is tuned too.
+Cases can be named to make a part again.
 
 Then, or with `--judge` at once, it writes a table of what the gains of the package are
-worth on members that neither descent nor choice has seen. Run it in the folder above.
+worth beside the paper's on members that neither descent nor choice has seen. Run it in
+the folder above.
 """
 
 import argparse
@@ -74,15 +75,15 @@ def _case(name: str) -> tuple[str, str, str]:
     return scenario, plant, controller
 
 
-def _words(name: str) -> tuple[str, ...]:
-    """Of the command that tunes a case."""
+def _words(name: str, *, from_start: bool) -> tuple[str, ...]:
+    """Of the command that tunes a case, from its start or from the paper's gains."""
     scenario, plant, controller = _case(name)
     words = ["tune", "--scenario", scenario, "--plant", plant]
     words += ["--controller", controller]
     start = STARTS / f"{name}.toml"
-    if start.is_file():
+    if from_start and start.is_file():
         words += ["--gains", str(start)]
-    objective = STARTS / f"{name}-objective.toml"
+    objective = STARTS / f"{scenario}-{plant}-objective.toml"
     if objective.is_file():
         words += ["--objective", str(objective)]
     if (scenario, plant) == GUIDED:
@@ -92,7 +93,7 @@ def _words(name: str) -> tuple[str, ...]:
 
 
 def _tune(name: str, out: Path, more: list[str]) -> int:
-    words = (*_words(name), "--steps", "200", *more, "--out", str(out))
+    words = (*_words(name, from_start=True), "--steps", "200", *more, "--out", str(out))
     command = (sys.executable, "-m", "tuning", *words)
     sys.stderr.write(f"{name}\n")
     done = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
@@ -103,14 +104,14 @@ def _tune(name: str, out: Path, more: list[str]) -> int:
 
 
 def _judge(name: str) -> dict[str, Any]:
-    """The gains of the package against those the descent started from."""
+    """The gains of the package against the paper's."""
     # Only here: JAX must not be set up before `start_jax`.
     from tuning.task import build_task
     from tuning.verdict import verdict
 
     scenario, plant, controller = _case(name)
     sys.stderr.write(f"judging {name}\n")
-    task = build_task(tune_parser().parse_args(_words(name)))
+    task = build_task(tune_parser().parse_args(_words(name, from_start=False)))
     (gains,) = task.case.resolve([str(PACKAGE / f"{name}.toml")], [controller])
     kind, tuned = task.case.loop(gains)
     assert kind == controller, f"{name}.toml holds {kind}"
