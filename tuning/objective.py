@@ -138,7 +138,9 @@ def load_cost(where: str) -> Cost:
     """A cost function of the user's own, from `path.py:function`.
 
     It is called with the metrics of a run and those of the starting gains on the
-    nominal case, and must be differentiable by JAX.
+    nominal case, and must be differentiable by JAX. It should be 1 to 5 at the start:
+    above 10 it counts by its logarithm, from 74 on as a failed run (`batch.counted`),
+    and a start from 8 on is taken for lost.
 
     Raises:
         ValueError: there is no such file or function.
