@@ -143,6 +143,7 @@ def test_cells_of_the_summary_keep_apart_however_long_they_are():
     summary = {
         "members": 2000,
         "scenario": "waypoints",
+        "has_waypoints": True,
         "plant": "rigid-body",
         "uncertainty": 0.2,
         "confidence": 0.95,
