@@ -35,9 +35,9 @@ from jaxglider.trajectory import Trajectory as Trajectory
 from jaxglider.transform import ErrorTransformation as ErrorTransformation
 from jaxglider.vehicle.actuators import Actuator as Actuator
 from jaxglider.vehicle.design_model import DesignModel as DesignModel
+from jaxglider.vehicle.files import load_vehicle as load_vehicle
 from jaxglider.vehicle.full_plant import full_plant as full_plant
 from jaxglider.vehicle.parameters import GliderParameters as GliderParameters
-from jaxglider.vehicle.parameters import load_vehicle as load_vehicle
 from jaxglider.vehicle.plant import printed_plant as printed_plant
 from jaxglider.vehicle.plant import rigid_body_plant as rigid_body_plant
 from jaxglider.vehicle.water import Current as Current

@@ -31,12 +31,8 @@ from jaxglider.references import (
 from jaxglider.scenario import Clock
 from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.vehicle.actuators import Actuator
-from jaxglider.vehicle.parameters import (
-    GliderParameters,
-    VehicleData,
-    load_vehicle,
-    vehicle_of,
-)
+from jaxglider.vehicle.files import load_vehicle, vehicle_of
+from jaxglider.vehicle.parameters import GliderParameters, VehicleData
 from jaxglider.vehicle.water import Current, Stratification, Water
 
 _UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
@@ -54,22 +50,13 @@ def _built(make: Any, path: str, *args: Any, **kwargs: Any) -> Any:
         return make(*args, **kwargs)
     except ConfigError:
         raise
-    except (TypeError, ValueError) as error:
+    except (OSError, TypeError, ValueError) as error:
         raise ConfigError(f"{path}: {error}") from error
 
 
 def read_vehicle(table: Table, folder: Path) -> VehicleData:
     """Parameters and actuator limits, with overrides applied."""
-    source = table.get("data", "seawing")
-    try:
-        if isinstance(source, dict):
-            vehicle = vehicle_of(source, "the table")
-        else:
-            vehicle = load_vehicle(_place(table.text("data", "seawing"), folder))
-    except ConfigError:
-        raise
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"vehicle.data: {error}") from error
+    vehicle = _built(_published, "vehicle.data", table, folder)
     overrides = table.table("parameters").rest()
     names = [f.name for f in dataclasses.fields(GliderParameters)]
     refuse_unknown(
@@ -82,8 +69,13 @@ def read_vehicle(table: Table, folder: Path) -> VehicleData:
     return dataclasses.replace(vehicle, parameters=parameters)
 
 
-def _place(source: str, folder: Path) -> str | Path:
-    return folder / source if source.endswith(".toml") else source
+def _published(table: Table, folder: Path) -> VehicleData:
+    """A vehicle of the package, of a file, or of a table in the place of its name."""
+    source = table.get("data", "seawing")
+    if isinstance(source, dict):
+        return vehicle_of(source, "the table")
+    name = table.text("data", "seawing")
+    return load_vehicle(folder / name if name.endswith(".toml") else name)
 
 
 def read_clock(table: Table) -> Clock:

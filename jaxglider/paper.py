@@ -42,8 +42,9 @@ from jaxglider.signals import BodyAxes, Channels, GliderState, each
 from jaxglider.transform import ErrorTransformation
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.design_model import DesignModel
+from jaxglider.vehicle.files import load_vehicle
 from jaxglider.vehicle.full_plant import full_plant
-from jaxglider.vehicle.parameters import VehicleData, load_vehicle
+from jaxglider.vehicle.parameters import VehicleData
 from jaxglider.vehicle.plant import AbstractPlant, printed_plant, rigid_body_plant
 
 DESIGN_FACTOR = 0.8

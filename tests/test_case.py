@@ -12,10 +12,12 @@ import tomli_w
 
 import tuning.tune
 from jaxglider import paper
-from jaxglider.config import encode_law, load_gains, load_mission
+from jaxglider.config import load_mission
+from jaxglider.disturbances import Sum
+from jaxglider.gains import encode_law, load_gains
 from jaxglider.io import metrics_dict
 from jaxglider.rollout import evaluate
-from jaxglider.vehicle.parameters import vehicle_text
+from jaxglider.vehicle.files import vehicle_text
 from tuning.case import Case
 from tuning.options import parser
 from tuning.sweep.settings import build, read_settings
@@ -104,18 +106,8 @@ def test_guidance_tuned_for_a_mission_comes_back_with_its_gains(
     code, out, err = call(
         *("tune", "--config", "bay.toml", "--members", "1", "--method", "random"),
         *("--free", "scenario.reference.line_of_sight", "controller.c1"),
-        *(
-            "--population",
-            "4",
-            "--spread",
-            "0.2",
-            "--steps",
-            "3",
-            "--no-check",
-            "--json",
-            "--out",
-            "a",
-        ),
+        *("--population", "4", "--spread", "0.2", "--steps", "3", "--no-check"),
+        *("--json", "--out", "a"),
     )
     assert code == 0, err
     result = json.loads(out)
@@ -187,6 +179,8 @@ def test_the_course_with_slow_actuators_differs_from_the_papers_in_them_alone():
     wanted = law.on(case.scenario)
     rates = [a.rate_limit for a in vars(loop.scenario.actuators).values()]
     np.testing.assert_allclose(rates, [0.02, 0.005, 0.2])
+    # A list of disturbances, with the paper's as its only one.
+    assert eqx.tree_equal(loop.scenario.disturbance, Sum((case.scenario.disturbance,)))
     for part in ("plant", "reference", "initial_state", "funnel", "clock"):
         assert eqx.tree_equal(
             getattr(loop.scenario, part), getattr(wanted.scenario, part)

@@ -18,8 +18,8 @@ import tuning.options
 import tuning.runs
 import tuning.tune
 from jaxglider import paper
-from jaxglider.config import TEMPLATE, load_gains, load_uncertainty
-from jaxglider.gains import encode
+from jaxglider.config import TEMPLATE, load_uncertainty
+from jaxglider.gains import encode, load_gains
 from jaxglider.tuned import tuned_gains
 from tuning.cli import main
 

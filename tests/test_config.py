@@ -17,19 +17,16 @@ from jaxglider._toml import ConfigError
 from jaxglider.config import (
     TEMPLATE,
     build_mission,
-    decode_gains,
-    encode_law,
-    load_gains,
     load_mission,
     self_contained,
     start_warnings,
 )
 from jaxglider.controllers import SMC, FxTPPC
 from jaxglider.disturbances import GaussMarkov
-from jaxglider.gains import encode
+from jaxglider.gains import decode_gains, encode, encode_law, load_gains
 from jaxglider.observer import FixedTimeObserver, NoObserver
 from jaxglider.references import LineOfSight, WaypointPath
-from jaxglider.vehicle.parameters import vehicle_text
+from jaxglider.vehicle.files import vehicle_text
 
 PLAIN = tomllib.loads(TEMPLATE())
 KEY = jax.random.key(0)
@@ -459,17 +456,18 @@ def test_a_mission_can_say_what_its_runs_are_judged_by():
 
 def test_a_self_contained_mission_needs_no_files(tmp_path):
     _gains_file(tmp_path, guidance=GUIDANCE)
+    (tmp_path / "gains.toml").rename(tmp_path / "gains.txt")
     (tmp_path / "own.toml").write_text(vehicle_text("rogue"))
     course = {"type": "waypoints", "waypoints": {"north_m": [9.0], "east_m": [1.0]}}
     file = tmp_path / "mission.toml"
     data = {
         "vehicle": {"data": "own.toml", "plant": "rigid-body"},
-        "controller": {"gains_file": "gains.toml"},
+        "controller": {"gains_file": "gains.txt"},
         "reference": course,
     }
     file.write_text(tomli_w.dumps(data))
     wanted, whole = load_mission(file), self_contained(file)
-    for name in ("gains.toml", "own.toml", "mission.toml"):
+    for name in ("gains.txt", "own.toml", "mission.toml"):
         (tmp_path / name).unlink()
     found = build_mission(json.loads(json.dumps(whole)))
     assert (found.controller, found.plant) == (wanted.controller, wanted.plant)

@@ -54,8 +54,8 @@ from jaxglider.signals import (
     zeros,
 )
 from jaxglider.vehicle.actuators import Actuator, Failure
+from jaxglider.vehicle.files import load_vehicle
 from jaxglider.vehicle.full_plant import full_plant
-from jaxglider.vehicle.parameters import load_vehicle
 from jaxglider.vehicle.plant import AbstractPlant, printed_plant, rigid_body_plant
 
 DT = 0.05

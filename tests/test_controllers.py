@@ -28,7 +28,7 @@ from jaxglider.signals import (
 )
 from jaxglider.transform import ErrorTransformation
 from jaxglider.vehicle.design_model import DesignModel
-from jaxglider.vehicle.parameters import load_vehicle
+from jaxglider.vehicle.files import load_vehicle
 from jaxglider.vehicle.plant import printed_plant
 
 COUNT = 16

@@ -20,7 +20,7 @@ from jaxglider.signals import (
 )
 from jaxglider.vehicle.actuation import PrintedActuation, RigidBodyActuation
 from jaxglider.vehicle.design_model import DesignModel, InputGain, _frame_acceleration
-from jaxglider.vehicle.parameters import load_vehicle
+from jaxglider.vehicle.files import load_vehicle
 
 PARAMETERS = dataclasses.replace(
     load_vehicle("seawing").parameters, buoyancy_position=0.3

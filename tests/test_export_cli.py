@@ -13,8 +13,7 @@ import pytest
 import tuning.cli
 import tuning.runs
 from jaxglider import paper
-from jaxglider.config import load_gains
-from jaxglider.gains import encode
+from jaxglider.gains import encode, load_gains
 from jaxglider.pipe import Peer, PipeError
 from tuning.cli import main
 

@@ -12,12 +12,12 @@ from jaxglider._toml import ConfigError
 from jaxglider.config import build_mission
 from jaxglider.integrate import RK4, runge_kutta_step
 from jaxglider.signals import BodyAxes, Command, zeros
+from jaxglider.vehicle.files import vehicle_text
 from jaxglider.vehicle.full_plant import full_plant
 from jaxglider.vehicle.hydrodynamics import (
     flow_frame_hydrodynamics,
     hydrodynamics,
 )
-from jaxglider.vehicle.parameters import vehicle_text
 from jaxglider.vehicle.plant import rigid_body_plant
 
 SEAWING = load_vehicle("seawing")

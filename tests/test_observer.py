@@ -11,7 +11,7 @@ from test_physics import array, columns
 from jaxglider import paper
 from jaxglider.observer import FixedTimeObserver, NoObserver, ObserverState
 from jaxglider.signals import BodyAxes, Command, GliderState, Measurement
-from jaxglider.vehicle.parameters import load_vehicle
+from jaxglider.vehicle.files import load_vehicle
 from jaxglider.vehicle.plant import printed_plant
 
 DT = 0.05

@@ -78,11 +78,7 @@ def checked(text: str, kind: Any, holds: Callable[[Any], bool], rule: str) -> An
 def add_dt(parser: argparse.ArgumentParser) -> None:
     """The control tick."""
     parser.add_argument(
-        "--dt",
-        type=positive,
-        default=0.05,
-        metavar="S",
-        help="control tick [s]; default: 0.05",
+        "--dt", type=positive, metavar="S", help="control tick [s]; default: 0.05"
     )
 
 
@@ -103,9 +99,7 @@ def add_case(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="horizon [s]; default: the case's own",
     )
-    parser.add_argument(
-        "--dt", type=positive, metavar="S", help="control tick [s]; default: 0.05"
-    )
+    add_dt(parser)
 
 
 def add_common(parser: argparse.ArgumentParser, out: str) -> None:

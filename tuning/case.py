@@ -8,13 +8,15 @@ from typing import Any
 import tomli_w
 
 from jaxglider import paper
-from jaxglider.config import Mission, encode_law, load_mission, paper_case
+from jaxglider.config import Mission, load_mission, paper_case
+from jaxglider.gains import encode_law
 from jaxglider.rollout import ClosedLoop
 from jaxglider.scenario import Clock, Scenario
 from jaxglider.vehicle.design_model import DesignModel
 from tuning.gain_files import MISSION, Gains, resolve
 
 DT = 0.05
+"""Control tick where none is given [s]."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,11 +11,12 @@ import tomli_w
 from jaxglider import paper
 from jaxglider._toml import ConfigError, read_toml
 from jaxglider.autopilot import autopilot
-from jaxglider.config import encode_law, load_mission
+from jaxglider.config import load_mission
 from jaxglider.export import export_c
 from jaxglider.export.block import ExportError
 from jaxglider.export.cost import Cost
 from jaxglider.export.hlo import stablehlo
+from jaxglider.gains import encode_law
 from jaxglider.guard import Guard
 from jaxglider.io import provenance, write_text
 from jaxglider.rollout import ClosedLoop

@@ -4,7 +4,14 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from tuning.arguments import CONTROLLERS, PLANTS, SCENARIOS, checked, positive
+from tuning.arguments import (
+    CONTROLLERS,
+    PLANTS,
+    SCENARIOS,
+    add_dt,
+    checked,
+    positive,
+)
 
 FORMATS = ("c", "toml", "json", "stablehlo")
 
@@ -38,9 +45,7 @@ def add_export(commands: Any) -> None:
         choices=PLANTS,
         help="glider of the design model; default: what the gains were tuned for",
     )
-    parser.add_argument(
-        "--dt", type=positive, metavar="S", help="control tick [s]; default: 0.05"
-    )
+    add_dt(parser)
     parser.add_argument("--format", choices=FORMATS, default="c", help="default: c")
     parser.add_argument(
         "--patience",

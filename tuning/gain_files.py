@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxglider._toml import ConfigError, read_toml
-from jaxglider.config import Law, decode_gains
+from jaxglider.gains import Law, decode_gains
 from jaxglider.tuned import tuned_gains
 
 PAPER, TUNED, MISSION = "paper", "tuned", "mission"

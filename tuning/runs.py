@@ -28,6 +28,7 @@ from jaxglider.pipe import Peer, PipeController
 from jaxglider.plotting import save_all
 from jaxglider.rollout import ClosedLoop, simulate
 from jaxglider.trajectory import Trajectory
+from tuning.case import DT
 from tuning.gain_files import resolve
 from tuning.progress import Progress, note
 from tuning.tables import markdown_tables, text_table
@@ -90,7 +91,7 @@ def _note_origin(path: Path, scenarios: Sequence[str], plant: str) -> None:
 
 
 def _paper_entries(options: argparse.Namespace, scenario: str) -> Iterator[Entry]:
-    setting = paper.make_scenario(scenario, options.plant, dt=options.dt)
+    setting = paper.make_scenario(scenario, options.plant, dt=options.dt or DT)
     model = paper.design_model(setting.plant)
     for name in dict.fromkeys(options.controllers):
         loop = ClosedLoop(

@@ -12,10 +12,11 @@ from jaxglider import paper
 from jaxglider.io import provenance, write_json
 from jaxglider.modes import Analysis, Mode, analyse
 from jaxglider.plotting.glide import save_glide
+from jaxglider.vehicle.files import load_vehicle
 from jaxglider.vehicle.full_plant import FullPlant
 from jaxglider.vehicle.glide import glide_limits
 from jaxglider.vehicle.linear import INPUTS, linearise
-from jaxglider.vehicle.parameters import VehicleData, load_vehicle
+from jaxglider.vehicle.parameters import VehicleData
 from jaxglider.vehicle.plant import AbstractPlant
 from jaxglider.vehicle.trim import SteadyMotion, Target, steady_motion
 from tuning.progress import Progress, note

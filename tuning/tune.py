@@ -15,7 +15,8 @@ import jax.numpy as jnp
 import tomli_w
 
 from jaxglider._types import Series
-from jaxglider.config import encode_law, self_contained
+from jaxglider.config import self_contained
+from jaxglider.gains import encode_law
 from jaxglider.io import provenance, write_json, write_text
 from jaxglider.rollout import ClosedLoop
 from jaxglider.scenario import Clock
@@ -64,26 +65,8 @@ def tune(options: argparse.Namespace) -> int:
     trust = "" if options.no_check else _trust(task, start, progress)
     try:
         if options.method == "gradient":
-            progress.show("compiling the gradient ...")
-            descent = Descent(
-                task.loss,
-                task.training,
-                task.validation,
-                settings,
-                task.aggregate,
-                guide=task.guide,
-                devices=jax.devices(),
-            )
-            state = descent.start(start)
-            if not options.resume and is_lost(state.loss):
-                start, rescued = promising_start(
-                    task, start, options.seed, progress.show
-                )
-                progress.clear()
-                note(rescued)
-                state = descent.start(start)
-            chosen, history, interrupted = _descend(
-                descent, state, checkpoint, options.resume, progress
+            chosen, history, interrupted, rescued = _gradient(
+                options, task, start, settings, checkpoint, progress
             )
         else:
             progress.show("compiling the search ...")
@@ -111,6 +94,34 @@ def tune(options: argparse.Namespace) -> int:
     print_result(result, text_report(result), as_json=options.json)
     note(f"{options.out}: gains.toml, history.csv, tune.json and report.md.")
     return INTERRUPTED if interrupted else OK
+
+
+def _gradient(
+    options: argparse.Namespace,
+    task: Task,
+    start: Series,
+    settings: Settings,
+    checkpoint: Checkpoint,
+    progress: Progress,
+) -> tuple[Series, list[Step], bool, str]:
+    """Descend, from a better start if this one is lost, and say so in words."""
+    progress.show("compiling the gradient ...")
+    descent = Descent(
+        task.loss,
+        task.training,
+        task.validation,
+        settings,
+        task.aggregate,
+        guide=task.guide,
+        devices=jax.devices(),
+    )
+    state, rescued = descent.start(start), ""
+    if not options.resume and is_lost(state.loss):
+        start, rescued = promising_start(task, start, options.seed, progress.show)
+        progress.clear()
+        note(rescued)
+        state = descent.start(start)
+    return *_descend(descent, state, checkpoint, options.resume, progress), rescued
 
 
 def _trust(task: Task, start: Series, progress: Progress) -> str:

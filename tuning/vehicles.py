@@ -5,12 +5,8 @@ import json
 import sys
 from typing import Any
 
-from jaxglider.vehicle.parameters import (
-    VehicleData,
-    load_vehicle,
-    vehicle_names,
-    vehicle_text,
-)
+from jaxglider.vehicle.files import load_vehicle, vehicle_names, vehicle_text
+from jaxglider.vehicle.parameters import VehicleData
 
 OK = 0
 

@@ -8,7 +8,6 @@ from scipy import stats
 
 from jaxglider.io import metrics_dict
 from jaxglider.metrics import Metrics
-from jaxglider.references import WaypointPath
 from jaxglider.rollout import ClosedLoop
 from tuning.members import nominal_member
 from tuning.objective import CHANNELS
@@ -23,11 +22,10 @@ def verdict(task: Task, tuned: ClosedLoop) -> dict[str, Any]:
     loops = {"before": task.loop, "after": tuned}
     nominal = {name: run(at, nominal_member(task.loop)) for name, at in loops.items()}
     held_out = {name: jax.device_get(run(at, task.test)) for name, at in loops.items()}
-    course = task.loop.scenario.reference
-    waypoints = len(course.north) if isinstance(course, WaypointPath) else None
+    waypoints = task.loop.scenario.reference.waypoints
     return {
         "nominal": {
-            name: metrics_dict(_one(m, 0), has_waypoints=course.can_finish)
+            name: metrics_dict(_one(m, 0), has_waypoints=waypoints is not None)
             for name, m in nominal.items()
         },
         "held_out": {

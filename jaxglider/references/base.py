@@ -26,6 +26,11 @@ class AbstractReference(Container):
     scheduled: eqx.AbstractClassVar[bool]
     can_finish: eqx.AbstractClassVar[bool]
 
+    @property
+    def waypoints(self) -> int | None:
+        """How many waypoints there are to reach; None where there is no course."""
+        return None
+
     @abstractmethod
     def plan(self, times: Series) -> Any:
         """What is known beforehand at each tick time [s]; one leading axis."""

@@ -177,6 +177,11 @@ class WaypointPath(AbstractReference):
                 "neighbours must differ: remove one."
             )
 
+    @property
+    def waypoints(self) -> int:
+        """How many waypoints there are to reach."""
+        return len(self.north)
+
     def plan(self, times: Series) -> PlannedTick:
         """The vertical schedule at each time."""
         return PlannedTick(times, jax.vmap(self.vertical.at)(times))

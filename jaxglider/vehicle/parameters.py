@@ -1,13 +1,10 @@
-"""Physical parameters of a glider, read from data files that carry unit and source.
+"""Physical parameters of a glider; `files` reads them.
 
 Every number is a traced float: ensembles and gradients go through all of them.
 """
 
 import dataclasses
-import tomllib
-from collections.abc import Iterable, Mapping
-from importlib import resources
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -197,108 +194,3 @@ class VehicleData:
     limits: Command[Scalar]
     body: BodyParameters | None = None
     doubts: Mapping[str, str] = dataclasses.field(default_factory=dict)
-
-
-def vehicle_names() -> list[str]:
-    """Names of the vehicles that come with the package."""
-    folder = resources.files("jaxglider.vehicle") / "data"
-    return sorted(p.name.removesuffix(".toml") for p in folder.iterdir())
-
-
-def load_vehicle(name_or_path: str | Path) -> VehicleData:
-    """Read a vehicle that comes with the package, or a TOML file of the same form.
-
-    Args:
-        name_or_path: a name from `vehicle_names`, or the path of a file.
-
-    Raises:
-        ValueError: unknown name, unknown or missing parameter, or a bad value.
-        OSError: the file cannot be read.
-    """
-    text, source = vehicle_text(name_or_path), name_or_path
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{source}: not valid TOML: {error}.") from error
-    return vehicle_of(data, source)
-
-
-def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
-    """A vehicle from the tables of its file.
-
-    Args:
-        data: parsed TOML.
-        source: where it is from, for messages.
-
-    Raises:
-        ValueError: unknown or missing parameter, or a bad value.
-    """
-    tables = {"parameters": GliderParameters, "limits": Command, "body": BodyParameters}
-    if "body" not in data:
-        del tables["body"]
-    values = {key: _values(data, key, kind, source) for key, kind in tables.items()}
-    try:
-        return VehicleData(
-            str(data.get("name", source)),
-            GliderParameters(**values["parameters"]),
-            Command(**values["limits"]),
-            BodyParameters(**values["body"]) if "body" in values else None,
-            _doubts(data, tables),
-        )
-    except ValueError as error:
-        raise ValueError(f"{source}: {error}") from error
-
-
-def vehicle_text(name_or_path: str | Path) -> str:
-    """The file of a vehicle: unit, source and doubt beside each number.
-
-    Raises:
-        ValueError: unknown name.
-        OSError: the file cannot be read.
-    """
-    if str(name_or_path) in vehicle_names():
-        folder = resources.files("jaxglider.vehicle") / "data"
-        return (folder / f"{name_or_path}.toml").read_text()
-    if Path(name_or_path).suffix == ".toml":
-        return Path(name_or_path).read_text()
-    raise ValueError(
-        f"vehicle must be one of {vehicle_names()} or the path of a .toml file; "
-        f"received {str(name_or_path)!r}."
-    )
-
-
-def _doubts(data: dict[str, Any], tables: Iterable[str]) -> dict[str, str]:
-    """What the file says is doubtful, by key."""
-    return {
-        f"{table}.{key}": str(entry["doubt"])
-        for table in tables
-        for key, entry in data[table].items()
-        if isinstance(entry, dict) and "doubt" in entry
-    }
-
-
-def _values(
-    data: dict[str, Any], table: str, kind: type, source: str | Path
-) -> dict[str, float]:
-    names = [field.name for field in dataclasses.fields(kind)]
-    entries = data.get(table, {})
-    if not isinstance(entries, dict):
-        raise ValueError(f"{source}: {table} must be a table; received {entries!r}.")
-    for key in entries:
-        if key not in names:
-            raise ValueError(
-                f"{source}: unknown key {table}.{key}; choose from {', '.join(names)}."
-            )
-    missing = [name for name in names if name not in entries]
-    if missing:
-        raise ValueError(f"{source}: key {table}.{missing[0]} is missing.")
-    values = {}
-    for key, entry in entries.items():
-        value = entry.get("value") if isinstance(entry, dict) else entry
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(
-                f"{source}: {table}.{key} must be a number or a table with `value`; "
-                f"received {entry!r}."
-            )
-        values[key] = float(value)
-    return values

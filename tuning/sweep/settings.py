@@ -110,8 +110,7 @@ class Campaign:
     @property
     def waypoints(self) -> int | None:
         """How many waypoints the course has, or None where there is no course."""
-        reference = self.uncertainty.scenario.reference
-        return len(reference.north) if reference.can_finish else None  # type: ignore[attr-defined]
+        return self.uncertainty.scenario.reference.waypoints
 
 
 def read_settings(options: argparse.Namespace, half_width: Any) -> Settings:
