@@ -155,7 +155,7 @@ def _objective_figure(history: list[Step]) -> Figure:
 
 
 def _gains_figure(task: Task, history: list[Step]) -> Figure:
-    figure = Figure(figsize=(5.0, 3.6), layout="constrained")
+    figure = Figure(figsize=(5.0, 4.2), layout="constrained")
     axes = figure.subplots()
     kept = [s for s in history if not s.refused]
     values = [
@@ -164,7 +164,8 @@ def _gains_figure(task: Task, history: list[Step]) -> Figure:
     ]
     ratios = np.asarray(values) / np.asarray(values[0])
     styles = ("-", "--", "-.", ":")
-    names = [n.removeprefix("controller.") for n in task.space.names]
+    prefixes = "controller.", "scenario.reference."
+    names = [_without(name, prefixes) for name in task.space.names]
     largest = np.argsort(-np.abs(np.log(np.abs(ratios[-1]) + 1e-300)))[:8]
     for rank, column in enumerate(sorted(largest)):
         axes.semilogy(
@@ -176,8 +177,15 @@ def _gains_figure(task: Task, history: list[Step]) -> Figure:
     title = "" if len(names) <= 8 else f" (8 of {len(names)} that moved most)"
     axes.set(xlabel="step", ylabel=f"gain over its start{title}")
     axes.grid(alpha=0.3, which="both")
-    axes.legend(fontsize=8, loc="best")
+    # Eight names cover curves wherever they stand within the axes.
+    figure.legend(fontsize=7, ncols=2, loc="outside upper center", frameon=False)
     return figure
+
+
+def _without(name: str, prefixes: tuple[str, ...]) -> str:
+    for prefix in prefixes:
+        name = name.removeprefix(prefix)
+    return name
 
 
 def _errors_figure(runs: dict[str, Trajectory]) -> Figure:
