@@ -106,7 +106,8 @@ class FixedTimeObserver(AbstractObserver):
         integral: ι₂ per axis.
         stretch: ς per axis, weight of the terms that act far from the surface.
         smoothing: δ [kg m/s, kg m²/s] of the signed powers.
-        newton_steps: iterations of the scalar root.
+        newton_steps: iterations of the scalar root in double precision; single takes
+            one less, which doubles its digits often enough.
 
     Raises:
         ValueError: a gain or the smoothing is not positive, or there is no step.
@@ -192,12 +193,16 @@ def observer_root(
     Args:
         target: b.
         gains: a₁ = Δt ι₁, a₂ = Δt² ι₂, ς and the smoothing δ.
-        steps: number of Newton steps.
+        steps: number of Newton steps in double precision. Each doubles the digits that
+            are right: single precision has them all one step earlier, and leaves out
+            the last.
     """
+    single = jnp.finfo(jnp.result_type(target)).bits < 64
+    taken = max(steps - 1, 1) if single else steps
 
     @apart
     def newton_root(target: Scalar, gains: tuple[Scalar, ...]) -> Scalar:
-        return _newton_root(target, gains, steps)
+        return _newton_root(target, gains, taken)
 
     found = newton_root(*lax.stop_gradient((target, gains)))
     return implicit_root(_left_side, found, target, gains)

@@ -272,6 +272,16 @@ def test_observer_root_meets_its_equation_over_the_whole_tuning_range():
     np.testing.assert_allclose(root, exact, rtol=1e-12, atol=0)
 
 
+def test_observer_root_in_single_precision_is_right_to_rounding():
+    target, gains = jax.tree.map(lambda x: x.astype(np.float32), _observer_problems())
+    one = lambda b, g: observer_root(b, g, NEWTON_STEPS)
+    root = jax.jit(jax.vmap(one))(target, gains)
+    assert root.dtype == np.float32
+    gains = tuple(g.astype(float) for g in gains)
+    exact = _by_bisection(lambda y: _left_side(y, *gains), target.astype(float))
+    np.testing.assert_allclose(root, exact, rtol=6e-7, atol=0)
+
+
 def test_observer_root_has_the_derivative_of_the_exact_root():
     target, gains = _observer_problems()
     keep = np.flatnonzero(target)[::7]

@@ -208,7 +208,7 @@ INLINE real observer_root(const struct observer_gains *g, real target)
     real y = 2 * rest / (k + sqrt(k * k + 4 * g->far2 * rest));
     real r = sqrt(larger(y, d) + (real)0.41 * smaller(y, d));
 #pragma GCC unroll 4
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < (SINGLE ? 3 : 4); i++) {
         real q = r * r, u = g->near1 * r, v = g->far1 * r, w = g->far2 * q, q2 = q * q;
         real p = g->near2 + u + q * (g->constant + v + w), pulled = b2 * q2;
         real rise = u + q * (2 * g->constant + 3 * v + 4 * w);

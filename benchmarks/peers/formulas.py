@@ -133,6 +133,7 @@ def make_observer(dialect: Dialect, kind: type) -> Any:
     """The root y of y + a₁ φ₁(y) + a₂ φ₂(y) = b, and a₂ φ₂ of it."""
     half, one, two, three, four = map(kind, (0.5, 1, 2, 3, 4))
     square, start = kind(1.5), kind(0.41)
+    steps = 4 if kind is np.float64 else 3
 
     @dialect.compiled
     def observed(target, a1, a2, stretch, delta):
@@ -143,7 +144,7 @@ def make_observer(dialect: Dialect, kind: type) -> Any:
         rest = np.maximum(size - p0, size * (delta / (delta + p0)))
         y = two * rest / (k + np.sqrt(k * k + four * p4 * rest))
         r = np.sqrt(np.maximum(y, delta) + start * np.minimum(y, delta))
-        for _ in range(4):
+        for _ in range(steps):
             q = r * r
             u, v, w, q2 = a1 * r, p3 * r, p4 * q, q * q
             p = p0 + u + q * (p2 + v + w)
