@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tuning.batch import losses
-from tuning.objective import Aggregate
+from tuning.objective import UNIT, Aggregate
 from tuning.rescue import DRAWS, ENOUGH, GENERATIONS, is_lost, promising_start
 
 
@@ -16,7 +16,10 @@ def task(loss):
     each = lambda free, member: loss(free) + 0.0 * member
     return SimpleNamespace(
         training=members,
-        losses_on=lambda members: lambda rows: losses(each, rows, members, Aggregate()),
+        unit=UNIT,
+        losses_on=lambda members: (
+            lambda rows: losses(each, rows, members, Aggregate(), UNIT)
+        ),
     )
 
 
@@ -30,7 +33,8 @@ def island(x):
     [([7.9], False), ([8.0], True), ([30.0], True), ([30.0, 4.0], False)],
 )
 def test_a_start_is_lost_where_no_objective_is_worth_a_descent(objectives, lost):
-    assert is_lost(jnp.asarray(objectives)) is lost
+    assert is_lost(jnp.asarray(objectives), 4.0) is lost
+    assert is_lost(10.0 * jnp.asarray(objectives), 40.0) is lost
 
 
 @pytest.mark.parametrize("start", [3.0, -3.0])
@@ -40,7 +44,7 @@ def test_a_start_that_fails_gives_way_to_a_better_one(start):
     free, said = promising_start(
         task(island), jnp.asarray([start, 4.0]), 0, told.append
     )
-    assert float(island(free)) < ENOUGH
+    assert float(island(free)) < ENOUGH * UNIT
     assert "the starting gains lose the glider (objective 30)" in said
     assert f"({float(island(free)):.3g})" in said
     assert f"generation 1/{GENERATIONS}" in told[1]

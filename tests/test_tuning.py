@@ -23,6 +23,7 @@ from tuning.members import (
 )
 from tuning.objective import (
     CHANNELS,
+    UNIT,
     Aggregate,
     Objective,
     Weights,
@@ -30,6 +31,7 @@ from tuning.objective import (
     scattered,
 )
 from tuning.space import Space
+from tuning.task import DEFAULT_WEIGHTS
 from tuning.verdict import paired
 
 K1_AND_K2 = ("controller.gains.*.k1", "controller.gains.*.k2")
@@ -161,6 +163,34 @@ def test_a_cost_of_the_users_own_takes_the_place_of_all_terms(
     start = evaluate_jit(loop, loop.scenario.sea(jax.random.key(0)))
     objective = Objective(start, cost=load_cost(f"{file}:steep"))
     assert float(objective(start)) == pytest.approx(float(start.max_roll))
+    assert objective.unit() == pytest.approx(float(start.max_roll))
+
+
+@pytest.mark.parametrize(
+    ("weights", "unit"),
+    [
+        (DEFAULT_WEIGHTS, UNIT),
+        (Weights(tracking=(0.5, 1.0, 6.0), crowding=100.0), 7.5),
+        (Weights(tracking=0.0, effort=1.0, chattering=(2.0, 0.0, 0.0), roll=9.0), 5.0),
+        (Weights(tracking=0.0, crowding=2.0, saturation=1.0), 9.0),
+        (Weights(tracking=0.0, roll=5.0), 5.0),
+    ],
+)
+def test_the_unit_of_an_objective_is_what_its_first_terms_weigh(weights, unit):
+    assert Objective(None, weights).unit() == pytest.approx(unit)
+
+
+@pytest.mark.parametrize(
+    ("cost", "message"),
+    [
+        (lambda metrics, start: -3.0, "positive at the start.*gives -3"),
+        (lambda metrics, start: float("nan"), "positive at the start.*gives nan"),
+        (lambda metrics, start: jnp.ones(3), "one number"),
+    ],
+)
+def test_a_cost_without_a_unit_is_refused(cost, message):
+    with pytest.raises(ValueError, match=message):
+        Objective(None, cost=cost).unit()
 
 
 @pytest.mark.parametrize(
@@ -224,7 +254,7 @@ def test_a_step_into_nan_is_refused_and_the_next_is_shorter():
     schedule = 0.3 * 0.5 * (1.0 + np.cos(np.pi * np.arange(60) / 60))
     shares = [s.learning_rate for s in steps] / schedule
     for i in refused:
-        assert steps[i].loss == FAILED
+        assert steps[i].loss == FAILED * UNIT
         if i + 1 < len(steps):
             assert shares[i + 1] == pytest.approx(0.5 * shares[i])
     assert all(float(s.free[0, 0]) < 2.0 for s in states)
@@ -466,6 +496,8 @@ def test_tuning_the_paper_case_halves_the_objective(evaluate_jit):
 
 
 def test_a_lost_run_counts_for_more_than_a_poor_one_but_not_for_thousands():
-    counted_as = np.asarray(counted(jnp.array([3.0, 10.0, 20.0, 1e6, np.nan, np.inf])))
-    wanted = [3.0, 10.0, 10.0 * (1.0 + np.log(2.0)), FAILED, FAILED, FAILED]
-    np.testing.assert_allclose(counted_as, wanted)
+    values = np.array([3.0, 10.0, 20.0, 1e6, np.nan, np.inf])
+    wanted = np.array([3.0, 10.0, 10.0 * (1.0 + np.log(2.0)), 30.0, 30.0, 30.0])
+    for scale in (0.01, 1.0, 100.0):
+        found = counted(jnp.asarray(scale * values), 4.0 * scale)
+        np.testing.assert_allclose(found, scale * wanted)

@@ -12,8 +12,9 @@ from tuning.objective import Aggregate
 
 Loss = Callable[[Series, Any], Scalar]
 
-POOR, FAILED = 10.0, 30.0
-"""Objective from which a run counts by its logarithm, and what a failed one counts."""
+POOR, FAILED = 2.5, 7.5
+"""Objective from which a run counts by its logarithm, and what a failed one counts, in
+units of what a run like the start costs; see `Objective.unit`."""
 
 
 def losses(
@@ -21,6 +22,7 @@ def losses(
     rows: jax.Array,
     members: Any,
     aggregate: Aggregate,
+    unit: float,
     devices: Sequence[jax.Device] | None = None,
 ) -> Series:
     """The objective of each row of free numbers over all members; pure.
@@ -30,9 +32,10 @@ def losses(
         rows: free numbers, one row each.
         members: one leading axis.
         aggregate: how members' objectives become one.
+        unit: what a run like the start costs.
         devices: to spread the lanes over.
     """
-    values = member_losses(loss, rows, members, devices)
+    values = member_losses(loss, rows, members, unit, devices)
     return jax.vmap(aggregate)(values)[0]
 
 
@@ -40,6 +43,7 @@ def member_losses(
     loss: Loss,
     rows: jax.Array,
     members: Any,
+    unit: float,
     devices: Sequence[jax.Device] | None = None,
 ) -> jax.Array:
     """The objective of each row on each member, as it counts; see `losses`."""
@@ -48,7 +52,7 @@ def member_losses(
     values = map_members(
         lambda lane: loss(*lane), paired(copies, members), devices=devices
     )
-    return counted(values.reshape(-1, count))
+    return counted(values.reshape(-1, count), unit)
 
 
 def paired(copies: jax.Array, members: Any) -> tuple[jax.Array, Any]:
@@ -67,15 +71,17 @@ def paired(copies: jax.Array, members: Any) -> tuple[jax.Array, Any]:
     return copies.reshape(-1, copies.shape[2]), jax.tree.map(spread, members)
 
 
-def counted(values: jax.Array) -> jax.Array:
-    """The objectives as they count: J, above 10 only 10 (1 + log(J/10)), at most 30.
+def counted(values: jax.Array, unit: float) -> jax.Array:
+    """The objectives as they count: J, above a poor one's J₀ only J₀ (1 + log(J/J₀)).
 
-    A run that is lost may come to thousands, or to nothing finite: one must not drown
-    the others, but the less lost of two must still count less.
+    At most what a failed run counts, 3 J₀. A run that is lost may come to thousands, or
+    to nothing finite: one must not drown the others, but the less lost of two must
+    still count less.
     """
-    beyond = POOR * (1.0 + jnp.log(jnp.maximum(values, POOR) / POOR))
-    value = jnp.minimum(jnp.where(values > POOR, beyond, values), FAILED)
-    return jnp.where(jnp.isfinite(values), value, FAILED)
+    poor, failed = POOR * unit, FAILED * unit
+    beyond = poor * (1.0 + jnp.log(jnp.maximum(values, poor) / poor))
+    value = jnp.minimum(jnp.where(values > poor, beyond, values), failed)
+    return jnp.where(jnp.isfinite(values), value, failed)
 
 
 def size(members: Any) -> int:

@@ -29,7 +29,7 @@ from jaxglider.ensemble import map_members
 from jaxglider.gradient import value_and_gradient
 from tuning.batch import FAILED, Loss, counted, member_losses, paired, size
 from tuning.descent_state import Settings, State, Step
-from tuning.objective import Aggregate, scattered
+from tuning.objective import UNIT, Aggregate, scattered
 from tuning.optimisers import make_optimiser
 
 
@@ -45,6 +45,7 @@ class Descent:
         aggregate: Aggregate | None = None,
         *,
         guide: Loss | None = None,
+        unit: float = UNIT,
         devices: Sequence[jax.Device] | None = None,
     ) -> None:
         """Prepare.
@@ -56,12 +57,13 @@ class Descent:
             settings: how to descend.
             aggregate: how members' objectives become one; the mean by default.
             guide: what is differentiated instead of `loss`; of the same values.
+            unit: what a run like the start costs: the scale of poor and failed ones.
             devices: to spread the members over.
         """
         self.settings = settings
         self._loss, self._guide = loss, guide or loss
         self._aggregate = aggregate or Aggregate()
-        self._devices = devices
+        self._unit, self._devices = unit, devices
         self._members = training, validation
         self._optimiser = make_optimiser(settings.optimiser)
         # The costly part is one program, for the start and for every step.
@@ -105,7 +107,7 @@ class Descent:
         Raises:
             FloatingPointError: the objective is not finite at any of the starts.
         """
-        if not np.any(np.asarray(state.best_loss) < FAILED):
+        if not np.any(np.asarray(state.best_loss) < FAILED * self._unit):
             raise FloatingPointError(
                 "the objective is not finite at the starting gains, for no member; "
                 "start from gains that complete the run (--gains), or scatter several "
@@ -165,7 +167,7 @@ class Descent:
         slope, usable = self._gradients(free, number, members[0])
         count = size(members[0])
         both = jax.tree.map(lambda *x: jnp.concatenate(x), *members)
-        values = member_losses(self._loss, free, both, self._devices)
+        values = member_losses(self._loss, free, both, self._unit, self._devices)
         loss, validation = (
             jax.vmap(self._aggregate)(part)[0]
             for part in (values[:, :count], values[:, count:])
@@ -249,7 +251,7 @@ class Descent:
         clipped = jnp.where(norm > 1.0, slopes / norm, slopes)
         usable = jnp.isfinite(norm) & jnp.isfinite(values.reshape(-1, 1))
         clipped = jnp.where(usable, clipped, 0.0).reshape(-1, lanes, free.shape[1])
-        _, weights = jax.vmap(self._aggregate)(counted(values))
+        _, weights = jax.vmap(self._aggregate)(counted(values, self._unit))
         slope = jnp.sum(weights[:, :, None] * clipped, axis=1)
         return slope, jnp.any(usable.reshape(-1, lanes), axis=1)
 

@@ -22,6 +22,8 @@ from jaxglider._types import Scalar, Series
 from jaxglider.metrics import Metrics
 
 CHANNELS = ("depth", "pitch", "heading")
+UNIT = 4.0
+"""What a run that tracks like the start costs with the default weights."""
 Cost = Callable[[Metrics, Metrics], Scalar]
 
 
@@ -112,6 +114,34 @@ class Objective(eqx.Module):
                 total = total + weight * value
         return total
 
+    def unit(self) -> float:
+        """What a run like the start costs: the scale of poor and of failed ones.
+
+        The weights of tracking together, or, where there are none, those of the next
+        terms that have any. With a cost of the user's own, that of the start.
+
+        Raises:
+            ValueError: the user's cost is not positive there.
+        """
+        if self.cost is not None:
+            try:
+                value = float(self.cost(self.start, self.start))
+            except TypeError as error:
+                raise ValueError(f"--cost must give one number: {error}") from error
+            if not 0.0 < value < float("inf"):
+                raise ValueError(
+                    "--cost must be positive at the start, on the nominal case, to "
+                    f"tell a poor run from a good one; it gives {value:g}. Add a "
+                    "constant to it."
+                )
+            return value
+        kinds = ("tracking",), ("effort", "chattering"), ("crowding", "saturation")
+        for names in kinds:
+            total = sum(sum(by_channel(getattr(self.weights, n))) for n in names)
+            if total > 0.0:
+                return total
+        return self.weights.roll
+
     def terms(self, metrics: Metrics) -> dict[str, tuple[Scalar, ...]]:
         """Each term of the channels without its weights, in their order."""
         return {name: self._channels(metrics, *how) for name, how in TERMS.items()}
@@ -138,9 +168,8 @@ def load_cost(where: str) -> Cost:
     """A cost function of the user's own, from `path.py:function`.
 
     It is called with the metrics of a run and those of the starting gains on the
-    nominal case, and must be differentiable by JAX. It should be 1 to 5 at the start:
-    above 10 it counts by its logarithm, from 74 on as a failed run (`batch.counted`),
-    and a start from 8 on is taken for lost.
+    nominal case, and must be differentiable by JAX. What it gives for the latter tells
+    what is much: see `Objective.unit`.
 
     Raises:
         ValueError: there is no such file or function.

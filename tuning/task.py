@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -91,6 +92,11 @@ class Task:
     test: Member
     gradient_memory: float | None = None
 
+    @functools.cached_property
+    def unit(self) -> float:
+        """What a run like the start costs; see `Objective.unit`."""
+        return self.objective.unit()
+
     def loss(self, free: Any, member: Member) -> Any:
         """The objective of free numbers on one member; pure."""
         return self.objective(self.metrics(free, member))
@@ -118,9 +124,8 @@ class Task:
 
     def losses_on(self, members: Member) -> Callable[[Any], Series]:
         """Compiled: the objective of each row of free numbers on some members."""
-        return jax.jit(
-            lambda rows: losses(self.loss, rows, members, self.aggregate, jax.devices())
-        )
+        how = self.aggregate, self.unit, jax.devices()
+        return jax.jit(lambda rows: losses(self.loss, rows, members, *how))
 
     def on_members(self) -> Callable[[ClosedLoop, Member], Metrics]:
         """Compiled: the metrics of a closed loop on each of some members."""
@@ -158,7 +163,7 @@ def build_task(options: argparse.Namespace) -> Task:
             return nominal_member(loop)
         return sample_members(uncertainty, options.seed, which, count)
 
-    return Task(
+    task = Task(
         case,
         kind,
         loop,
@@ -170,6 +175,8 @@ def build_task(options: argparse.Namespace) -> Task:
         draw(TEST, options.test),
         options.gradient_memory or None,
     )
+    _ = task.unit  # a cost that has none is refused here
+    return task
 
 
 def _uncertainty(options: argparse.Namespace, scenario: Scenario) -> Uncertainty:

@@ -113,10 +113,11 @@ def _gradient(
         settings,
         task.aggregate,
         guide=task.guide,
+        unit=task.unit,
         devices=jax.devices(),
     )
     state, rescued = descent.start(start), ""
-    if not options.resume and is_lost(state.loss):
+    if not options.resume and is_lost(state.loss, task.unit):
         start, rescued = promising_start(task, start, options.seed, progress.show)
         progress.clear()
         note(rescued)

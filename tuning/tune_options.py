@@ -219,6 +219,6 @@ def _add_ensemble(parser: argparse.ArgumentParser) -> None:
         "--cost",
         metavar="FILE.py:NAME",
         help="your own cost instead: a function of the metrics of a run and of those "
-        "at the start; scale it to 1 to 5 there: from 8 on a start counts as lost, and "
-        "what is above 10 by its logarithm",
+        "at the start, positive there; a start whose members cost twice as much as its "
+        "nominal case counts as lost",
     )
