@@ -145,6 +145,16 @@ def test_going_on_with_another_vehicle_is_refused(tmp_path):
     assert before != tuning.tune.fingerprint(_options("tune"))
 
 
+def test_going_on_with_another_cost_is_refused(tmp_path):
+    cost = tmp_path / "mine.py"
+    options = _options("tune", "--cost", f"{cost}:f")
+    digests = set()
+    for text in ("f = max", "f = min", "f = min"):
+        cost.write_text(text)
+        digests.add(tuning.tune.fingerprint(options))
+    assert len(digests) == 2
+
+
 def test_a_campaign_keeps_its_mission_whole(sweep, tmp_path):
     code, out, err = sweep(
         "sweep --no-report --precision 64 --config bay.toml --gains mission paper "

@@ -166,6 +166,9 @@ def _content(key: str, value: Any) -> Any:
     """A file counts by what it holds; a missing one is refused where it is read."""
     if key == "config" and value is not None:
         return self_contained(value)
+    if key == "cost" and value is not None:
+        file = Path(value.rpartition(":")[0])
+        return [value, file.read_text() if file.is_file() else ""]
     if isinstance(value, Path):
         return value.read_text() if value.is_file() else str(value)
     return list(value) if isinstance(value, list | tuple) else value
