@@ -238,6 +238,7 @@ def read_reference(table: Table, guidance: LineOfSight) -> AbstractReference:
         path.number("radius_m", 5.0),
         path.number("start_north_m", 0.0),
         path.number("start_east_m", 0.0),
+        None if path.get("abeam_m", None) is None else path.number("abeam_m"),
     )
     path.close()
     table.close()

@@ -161,6 +161,14 @@ def test_the_templates_waypoints_are_the_papers_second_case():
         )
 
 
+def test_a_waypoint_is_taken_abeam_only_if_the_file_says_so():
+    data = _with_waypoints()
+    del data["reference"]["waypoints"]["abeam_m"]
+    assert build_mission(data).loop.scenario.reference.abeam is None
+    data["reference"]["waypoints"]["abeam_m"] = 12.0
+    assert float(build_mission(data).loop.scenario.reference.abeam) == 12.0
+
+
 def test_waypoints_alone_bring_the_rest_of_the_papers_second_case():
     data = {"reference": {"type": "waypoints"}}
     data["reference"]["waypoints"] = {

@@ -200,6 +200,28 @@ def test_switch_resets_integral_and_clock_and_turns_to_the_next_leg():
     np.testing.assert_allclose(results[3][0].position.depth, 0.1 * 3 * DT, rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("abeam", "off", "taken_from"),
+    [(None, 4.0, None), (6.0, 4.0, 20.0), (6.0, 7.0, None), (6.0, 0.5, 18.06)],
+)
+def test_a_waypoint_missed_is_taken_abeam_if_asked_for(abeam, off, taken_from):
+    """Past a waypoint at 20 m along a leg to the north-east, on a line beside it."""
+    along, across = np.array([0.6, 0.8]), np.array([-0.8, 0.6])
+    ends = [20.0 * along, 20.0 * along + [30.0, 0.0]]
+    path = path_of(*np.transpose(ends).tolist(), radius=2.0, abeam=abeam)
+    distances = np.arange(0.25, 25.0, 0.5)
+    results = follow(path, [d * along + off * across for d in distances])
+    targets = np.array([int(asked.target) for asked, _ in results])
+    wanted = distances >= (np.inf if taken_from is None else taken_from)
+    np.testing.assert_array_equal(targets, wanted)
+
+
+def test_the_last_waypoint_abeam_finishes_the_mission():
+    path = path_of([20.0], [0.0], radius=2.0, abeam=6.0)
+    results = follow(path, [(19.9, 4.0), (20.1, 4.0), (0.0, 0.0)])
+    assert [bool(asked.finished) for asked, _ in results] == [False, True, True]
+
+
 def test_last_waypoint_finishes_the_mission_for_good():
     path = path_of([10.0, 10.0], [0.0, 30.0], radius=2.0)
     places = [(9.0, 0.0), (10.0, 27.9), (10.0, 28.1), (0.0, 0.0)]
@@ -240,6 +262,7 @@ def test_path_of_forty_waypoints_is_followed_leg_by_leg():
         ({"start_north": 10.0, "start_east": 5.0}, "waypoint 1 equals the start"),
         ({"radius": 0.0}, "radius must be positive; received 0"),
         ({"radius": -5.0}, "radius must be positive; received -5"),
+        ({"abeam": 0.0}, "abeam must be positive; received 0"),
         ({"north": [10.0, float("nan")]}, "north must be finite; received .*nan"),
         ({"start_east": float("inf")}, "start_east must be finite"),
     ],

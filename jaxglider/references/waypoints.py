@@ -123,8 +123,10 @@ class WaypointPath(AbstractReference):
     """Straight legs from waypoint to waypoint, ended when the last one is reached.
 
     The next waypoint is taken, σ reset and the funnel restarted, when the current one
-    is nearer than the switching radius. Depth and gliding angle follow a schedule,
-    whose headings are not used.
+    is nearer than the switching radius; on request also when it comes abeam, farther
+    off: a glider that has missed the circle would else follow the leg for ever (along-
+    track switching in T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion
+    Control). Depth and gliding angle follow a schedule, whose headings are not used.
 
     Attributes:
         north: of the waypoints [m].
@@ -134,10 +136,12 @@ class WaypointPath(AbstractReference):
         radius: switching distance [m].
         start_north: where the first leg begins [m].
         start_east: where the first leg begins [m].
+        abeam: largest distance [m] at which a waypoint counts as reached once it is
+            abeam or behind, seen along its leg; None for within the radius alone.
 
     Raises:
-        ValueError: no waypoint, lengths that differ, two equal neighbours, or a radius
-            that is not positive.
+        ValueError: no waypoint, lengths that differ, two equal neighbours, or a
+            distance that is not positive.
     """
 
     north: Series = eqx.field(converter=as_float)
@@ -147,6 +151,7 @@ class WaypointPath(AbstractReference):
     radius: Scalar = eqx.field(converter=as_float)
     start_north: Scalar = eqx.field(converter=as_float, default=0.0)
     start_east: Scalar = eqx.field(converter=as_float, default=0.0)
+    abeam: Scalar | None = eqx.field(converter=as_float, default=None)
     scheduled: ClassVar[bool] = False
     can_finish: ClassVar[bool] = True
 
@@ -158,6 +163,8 @@ class WaypointPath(AbstractReference):
                 f"received shapes {shapes[0]} and {shapes[1]}."
             )
         check_interval("WaypointPath", "radius", self.radius, 0.0)
+        if self.abeam is not None:
+            check_interval("WaypointPath", "abeam", self.abeam, 0.0)
         points = [
             concrete(jnp.atleast_1d(v))
             for v in (self.start_north, self.north, self.start_east, self.east)
@@ -200,8 +207,9 @@ class WaypointPath(AbstractReference):
     ) -> tuple[Reference, PathState]:
         """Switch if the waypoint is reached, then guide along the leg."""
         s, vertical = measurement.state, planned.vertical
-        path = self._switch(state, s, planned.time)
-        leg = jax.tree.map(lambda *x: select(path.target, x), *self._legs())
+        legs = self._legs()
+        path = self._switch(state, s, planned.time, legs)
+        leg = jax.tree.map(lambda *x: select(path.target, x), *legs)
         off_north, off_east = s.north - leg.north, s.east - leg.east
         north_rate, east_rate, _ = body_to_ned(
             measurement.attitude, s.surge, s.sway, s.heave
@@ -229,10 +237,18 @@ class WaypointPath(AbstractReference):
         )
         return reference, following
 
-    def _switch(self, state: PathState, s: GliderState, time: Scalar) -> PathState:
-        north = select(state.target, list(self.north))
-        east = select(state.target, list(self.east))
-        near = (north - s.north) ** 2 + (east - s.east) ** 2 <= self.radius**2
+    def _switch(
+        self, state: PathState, s: GliderState, time: Scalar, legs: list[Leg]
+    ) -> PathState:
+        north = s.north - select(state.target, list(self.north))
+        east = s.east - select(state.target, list(self.east))
+        squared = north**2 + east**2
+        near = squared <= self.radius**2
+        if self.abeam is not None:
+            cosine = select(state.target, [leg.cosine for leg in legs])
+            sine = select(state.target, [leg.sine for leg in legs])
+            passed = cosine * north + sine * east >= 0.0
+            near = near | (passed & (squared <= self.abeam**2))
         last = state.target >= self.north.shape[0] - 1
         switch = near & ~last
         return PathState(
