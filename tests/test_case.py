@@ -179,13 +179,17 @@ def test_a_campaign_keeps_its_mission_whole(sweep, tmp_path):
 MISSIONS = Path(__file__).parents[1] / "benchmarks" / "missions"
 
 
-def test_the_course_with_slow_actuators_differs_from_the_papers_in_them_alone():
-    loop = load_mission(MISSIONS / "seawing-course.toml").loop
-    case = Case.of_paper("waypoints", "seawing", None, None)
-    law = load_gains(
-        MISSIONS / "seawing-course-gains.toml", "waypoints", loop.controller.model
-    )
-    assert law.guidance is not None
+@pytest.mark.parametrize(
+    ("name", "scenario"), [("course", "waypoints"), ("switching", "switching")]
+)
+def test_slow_actuators_are_all_that_these_missions_change_of_the_papers(
+    name, scenario
+):
+    loop = load_mission(MISSIONS / f"seawing-{name}.toml").loop
+    case = Case.of_paper(scenario, "seawing", None, None)
+    gains = MISSIONS / f"seawing-{name}-gains.toml"
+    law = load_gains(gains, scenario, loop.controller.model)
+    assert (law.guidance is not None) == (scenario == "waypoints")
     wanted = law.on(case.scenario)
     rates = [a.rate_limit for a in vars(loop.scenario.actuators).values()]
     np.testing.assert_allclose(rates, [0.02, 0.005, 0.2])

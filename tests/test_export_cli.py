@@ -27,6 +27,7 @@ type = "waypoints"
 north_m = [4.0, 9.0]
 east_m = [1.0, -3.0]
 radius_m = 4.5
+abeam_m = 9.0
 [controller]
 type = "smc"
 [[disturbance]]
