@@ -6,7 +6,7 @@ pick its best one: a small sensitivity needs a large step, a large one a small s
 """
 
 import dataclasses
-from functools import partial
+import functools
 
 import equinox as eqx
 import jax
@@ -21,7 +21,7 @@ from jaxglider.gradient import value_and_gradient
 from jaxglider.metrics import finish
 from jaxglider.observer import NoObserver
 from jaxglider.rollout import ClosedLoop, evaluate, sparse_checkpoints
-from jaxglider.signals import Channels, Command, each
+from jaxglider.signals import BodyAxes, Channels, Command, each, zeros
 from jaxglider.vehicle.parameters import GliderParameters
 from jaxglider.vehicle.plant import AbstractPlant
 
@@ -31,8 +31,16 @@ FLOOR = 1e-10
 """Below this, relative to the objective of about 5, differences are rounding."""
 
 
+def _heading(loop):
+    return loop.scenario.initial_state.heading
+
+
 def _parts(loop):
-    return (loop.controller, loop.observer, loop.scenario.plant, _guidance(loop))
+    scenario = loop.scenario
+    return (
+        *(loop.controller, loop.observer, scenario.plant),
+        *(_guidance(loop), _heading(loop)),
+    )
 
 
 def _guidance(loop):
@@ -65,15 +73,32 @@ def _objective(loop, sea, **options):
     return start, loss
 
 
+@pytest.fixture(scope="module")
+def proposed():
+    """A loop of the proposed law, its start, objective, and the latter's reverse mode.
+
+    Each is compiled once, for all tests that ask for it.
+    """
+
+    @functools.cache
+    def make(scenario, plant):
+        loop = paper.make_loop(scenario, plant, duration=200.0)
+        start, loss = _objective(loop, loop.scenario.sea(jax.random.key(0)))
+        return loop, start, loss, jax.jit(jax.value_and_grad(loss))
+
+    return make
+
+
 # Each scenario and each of the two plants once, so every float of each is covered; the
 # two others would pair the same formulas anew.
 @pytest.mark.parametrize(
     ("scenario", "plant"), [("switching", "rigid-body"), ("waypoints", "printed")]
 )
-def test_every_gain_and_parameter_agrees_with_central_differences(scenario, plant):
-    loop = paper.make_loop(scenario, plant, duration=200.0)
-    start, loss = _objective(loop, loop.scenario.sea(jax.random.key(0)))
-    value, gradient = jax.jit(jax.value_and_grad(loss))(start)
+def test_every_gain_and_parameter_agrees_with_central_differences(
+    proposed, scenario, plant
+):
+    loop, start, loss, both = proposed(scenario, plant)
+    value, gradient = both(start)
     scale = np.where(np.asarray(start) != 0.0, np.abs(start), 1.0)
     batch = jax.jit(lambda points: map_members(loss, points))
     error = np.full(start.size, np.inf)
@@ -120,31 +145,28 @@ def test_baselines_agree_with_a_directional_difference(baselines, controller):
     assert min(errors) < TOLERANCE
 
 
-def test_gradient_is_exact_where_the_error_starts_at_zero_and_at_the_funnel_edge():
+def test_gradient_is_exact_where_the_error_starts_at_zero_and_at_the_funnel_edge(
+    proposed,
+):
     """Depth starts at zero error; heading is put on the 95 % edge of its funnel."""
-    loop = paper.make_loop("switching", "printed", duration=20.0)
-    sea = loop.scenario.sea(jax.random.key(0))
+    loop, start, _, both = proposed("switching", "rigid-body")
+    controller, *_, at_start = ravel_pytree(_parts(loop))[1](
+        jnp.arange(float(start.size))
+    )
+    heading, k1 = int(at_start), int(controller.gains.heading.k1)
     bounds = loop.controller.bounds(jnp.asarray(0.0))
     edge = 0.95 * float(bounds.heading.value)
-    heading = float(loop.scenario.reference.schedule.heading[0]) - edge
-
-    def loss(heading, k1):
-        at = lambda x: (x.scenario.initial_state.heading, x.controller.gains.heading.k1)
-        changed = eqx.tree_at(at, loop, (heading, k1))
-        return evaluate(changed, sea).channels.heading.rms_error
-
-    both = jax.jit(jax.value_and_grad(loss, (0, 1)))
-    value = lambda heading, k1: both(heading, k1)[0]
+    on_edge = float(loop.scenario.reference.schedule.heading[0]) - edge
 
     # On the edge itself the second derivative of the transformation jumps, so the
     # start is differentiated just inside of it and just outside.
-    for start in (heading + 1e-4, heading - 1e-4):
-        slopes = both(start, 1e-3)[1]
-        h = 1e-6
-        by_start = (value(start + h, 1e-3) - value(start - h, 1e-3)) / (2 * h)
-        by_gain = (value(start, 1e-3 + 1e-8) - value(start, 1e-3 - 1e-8)) / 2e-8
-        np.testing.assert_allclose(slopes[0], by_start, rtol=1e-5)
-        np.testing.assert_allclose(slopes[1], by_gain, rtol=1e-5)
+    for aside in (1e-4, -1e-4):
+        at = start.at[heading].set(on_edge + aside)
+        slopes = both(at)[1]
+        for number, h in ((heading, 1e-6), (k1, 1e-8)):
+            plus, minus = (both(at.at[number].add(step))[0] for step in (h, -h))
+            difference = (plus - minus) / (2 * h)
+            np.testing.assert_allclose(slopes[number], difference, rtol=1e-5)
 
 
 def test_forward_and_reverse_mode_agree_and_auto_is_one_of_them(baselines):
@@ -166,75 +188,6 @@ def test_the_mode_follows_from_the_lanes_it_would_fill(members, mode):
     jaxpr = str(jax.make_jaxpr(value_and_gradient(cube, members=members))(x))
     one = str(jax.make_jaxpr(value_and_gradient(cube, mode))(x))
     assert jaxpr == one
-
-
-def test_a_gradient_memory_changes_no_value_and_without_end_no_gradient(baselines):
-    loop, sea, start, _, both = baselines["ppc"]
-    plain = both(start)
-
-    @jax.jit
-    def remembering(memory):
-        return jax.value_and_grad(_objective(loop, sea, gradient_memory=memory)[1])(
-            start
-        )
-
-    value, slope = remembering(jnp.asarray(1e15))
-    assert float(value) == pytest.approx(float(plain[0]), rel=1e-13)
-    np.testing.assert_allclose(slope, plain[1], rtol=1e-9)
-    value, slope = remembering(jnp.asarray(5.0))
-    assert float(value) == pytest.approx(float(plain[0]), rel=1e-13)
-    assert np.linalg.norm(slope - plain[1]) > 0.05 * np.linalg.norm(plain[1])
-
-
-def test_a_gradient_memory_fades_the_tangents_from_tick_to_tick():
-    """Against tangents pushed forward by hand: t(k+1) = A s t(k) + b, s = e^(-dt/tau).
-
-    A and b are the derivatives of one tick in its carry and in the gain; the sums of
-    the metrics add up without fading.
-    """
-    memory, ticks = 1.0, 40
-    loop = paper.make_loop("switching", "printed", duration=0.05 * ticks)
-    sea = loop.scenario.sea(jax.random.key(0))
-    where = lambda at: at.controller.gains.pitch.k1
-
-    def faded(k1):
-        changed = eqx.tree_at(where, loop, k1)
-        metrics = evaluate(changed, sea, gradient_memory=memory)
-        return metrics.channels.pitch.rms_error
-
-    def tick(k1, carry, number):
-        changed = eqx.tree_at(where, loop, k1)
-        given = jax.tree.map(lambda x: x[number], changed.inputs(sea))
-        return changed.tick(carry, given)[0]
-
-    @jax.jit
-    def push(carry, tangents, number):
-        return jax.jvp(
-            lambda k1, before: tick(k1, before, number),
-            (jnp.asarray(where(loop)), carry),
-            (jnp.ones(()), tangents),
-        )
-
-    def tangent_of(x):
-        whole = not jnp.issubdtype(jnp.result_type(x), jnp.floating)
-        return np.zeros(np.shape(x), jax.dtypes.float0) if whole else jnp.zeros_like(x)
-
-    share = np.exp(-float(loop.scenario.clock.dt) / memory)
-    fade = lambda t: t if t.dtype == jax.dtypes.float0 else share * t
-    carry = loop.init()
-    tangents = jax.tree.map(tangent_of, carry)
-    for number in range(ticks):
-        kept = tangents.sums
-        tangents = eqx.tree_at(lambda t: t.sums, jax.tree.map(fade, tangents), kept)
-        carry, tangents = push(carry, tangents, number)
-
-    def end(last):
-        dt = loop.scenario.clock.dt
-        return finish(last.sums, last.state, last.reached, dt).channels.pitch.rms_error
-
-    _, wanted = jax.jvp(end, (carry,), (tangents,))
-    assert abs(float(wanted)) > 1e-6
-    np.testing.assert_allclose(jax.jit(jax.grad(faded))(where(loop)), wanted, rtol=1e-9)
 
 
 class Swing(AbstractPlant):
@@ -276,6 +229,120 @@ def _swinging(ticks):
     )
 
 
+class Integrating(Proportional):
+    """It sums errors up, and takes the estimated moment for one more."""
+
+    def init(self):
+        return zeros(Channels)
+
+    def step(self, state, measurement, reference, bounds, dt):
+        error, _ = tracking_error(measurement, reference)
+        total = each(lambda s, e: s + dt * e, state, error)
+        felt = dataclasses.replace(
+            error, pitch=error.pitch + measurement.disturbance.pitch
+        )
+        felt = each(lambda e, s: e + 0.1 * s, felt, total)
+        wanted = each(lambda k, e: -k * e, self.gains, felt)
+        record = ControlRecord(error, error)
+        return Command(*vars(wanted).values()), total, record
+
+
+class Lagging(NoObserver):
+    """An estimate that follows the turn rates, and what is held, with a lag."""
+
+    def step(self, observer_state, measurement, applied, following, dt):
+        felt = BodyAxes(*following.velocity().fields()[:5], applied.mass_angle)
+        return each(lambda d, x: d + dt * (x - d), observer_state, felt)
+
+
+def _remembering(ticks):
+    """A loop of few operations in which all that can remember does."""
+    loop = _swinging(ticks)
+    scenario = dataclasses.replace(
+        loop.scenario,
+        actuators=each(
+            lambda a: dataclasses.replace(a, time_constant=0.5),
+            loop.scenario.actuators,
+        ),
+    )
+    return ClosedLoop(scenario, Integrating(loop.controller.gains), Lagging())
+
+
+def test_a_gradient_memory_changes_no_value_and_without_end_no_gradient():
+    loop = _remembering(400)
+    sea = loop.scenario.sea(jax.random.key(0))
+
+    @jax.jit
+    def remembering(memory):
+        def loss(gains):
+            changed = eqx.tree_at(lambda at: at.controller.gains, loop, rebuild(gains))
+            metrics = evaluate(changed, sea, gradient_memory=memory)
+            return sum(c.rms_error for c in vars(metrics.channels).values())
+
+        start, rebuild = ravel_pytree(loop.controller.gains)
+        return jax.value_and_grad(loss)(start)
+
+    plain = remembering(None)
+
+    value, slope = remembering(jnp.asarray(1e15))
+    assert float(value) == pytest.approx(float(plain[0]), rel=1e-13)
+    np.testing.assert_allclose(slope, plain[1], rtol=1e-9)
+    value, slope = remembering(jnp.asarray(5.0))
+    assert float(value) == pytest.approx(float(plain[0]), rel=1e-13)
+    assert np.linalg.norm(slope - plain[1]) > 0.05 * np.linalg.norm(plain[1])
+
+
+def test_a_gradient_memory_fades_the_tangents_from_tick_to_tick():
+    """Against tangents pushed forward by hand: t(k+1) = A s t(k) + b, s = e^(-dt/tau).
+
+    A and b are the derivatives of one tick in its carry and in the gain; the sums of
+    the metrics add up without fading.
+    """
+    memory, ticks = 1.0, 40
+    loop = _remembering(ticks)
+    sea = loop.scenario.sea(jax.random.key(0))
+    where = lambda at: at.controller.gains.pitch
+
+    def faded(gain):
+        changed = eqx.tree_at(where, loop, gain)
+        metrics = evaluate(changed, sea, gradient_memory=memory)
+        return metrics.channels.pitch.rms_error
+
+    def tick(gain, carry, number):
+        changed = eqx.tree_at(where, loop, gain)
+        given = jax.tree.map(lambda x: x[number], changed.inputs(sea))
+        return changed.tick(carry, given)[0]
+
+    @jax.jit
+    def push(carry, tangents, number):
+        return jax.jvp(
+            lambda gain, before: tick(gain, before, number),
+            (jnp.asarray(where(loop)), carry),
+            (jnp.ones(()), tangents),
+        )
+
+    def tangent_of(x):
+        whole = not jnp.issubdtype(jnp.result_type(x), jnp.floating)
+        return np.zeros(np.shape(x), jax.dtypes.float0) if whole else jnp.zeros_like(x)
+
+    share = np.exp(-float(loop.scenario.clock.dt) / memory)
+    fade = lambda t: t if t.dtype == jax.dtypes.float0 else share * t
+    carry = loop.init()
+    tangents = jax.tree.map(tangent_of, carry)
+    for number in range(ticks):
+        kept = tangents.sums
+        tangents = eqx.tree_at(lambda t: t.sums, jax.tree.map(fade, tangents), kept)
+        carry, tangents = push(carry, tangents, number)
+
+    def end(last):
+        dt = loop.scenario.clock.dt
+        return finish(last.sums, last.state, last.reached, dt).channels.pitch.rms_error
+
+    _, wanted = jax.jvp(end, (carry,), (tangents,))
+    assert abs(float(wanted)) > 1e-6
+    np.testing.assert_allclose(jax.jit(jax.grad(faded))(where(loop)), wanted, rtol=1e-9)
+
+
 def test_sparse_checkpoints_change_no_gradient_and_need_less_memory():
     """√n of n states are kept, so four times the ticks need about twice the memory."""
     needed = {}
@@ -291,7 +358,7 @@ def test_sparse_checkpoints_change_no_gradient_and_need_less_memory():
             ).channels.pitch.rms_error
 
         for every in (1, sparse_checkpoints(ticks)):
-            program = jax.jit(partial(jax.value_and_grad(error), every=every))
+            program = jax.jit(functools.partial(jax.value_and_grad(error), every=every))
             compiled = program.lower(where(loop)).compile()
             memory = compiled.memory_analysis().temp_size_in_bytes
             needed[ticks, every] = memory, ravel_pytree(compiled(where(loop)))[0]
