@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -91,6 +92,14 @@ def test_published_straight_glides(name, angle, speed, alpha, pitch):
         assert float(command.mass_position) == pytest.approx(0.0198, abs=0.00005)
 
 
+@jax.jit
+@partial(jax.vmap, in_axes=(None, 0, None))
+def gliding(plant, angle, speed):
+    """Rates and state of a straight glide."""
+    state, command = straight_glide(plant, angle, speed)
+    return plant.derivative(state, command, calm(BodyAxes)), state
+
+
 @pytest.mark.parametrize("name", PLANTS)
 def test_closed_form_is_steady_over_its_whole_range(name):
     plant = PLANTS[name]
@@ -103,11 +112,7 @@ def test_closed_form_is_steady_over_its_whole_range(name):
         ]
     )
 
-    def rate(angle, speed):
-        state, command = straight_glide(plant, angle, speed)
-        return plant.derivative(state, command, calm(BodyAxes)), state
-
-    rates, states = jax.jit(jax.vmap(rate, (0, None)))(jnp.asarray(angles), 0.35)
+    rates, states = gliding(plant, jnp.asarray(angles), 0.35)
     for field in ("surge", "heave", "pitch", "roll", "sway", "pitch_rate", "yaw_rate"):
         np.testing.assert_allclose(getattr(rates, field), 0.0, atol=1e-9)
     path = np.arctan2(-rates.depth, rates.north)
@@ -126,11 +131,10 @@ def test_closed_form_is_steady_over_its_whole_range(name):
         assert abs(np.tan(limit)) == pytest.approx(1.0 / best, rel=1e-6)
 
 
-@jax.jit
-@jax.vmap
 def wanted(angle, speed, turn_rate):
+    """One by one: the command line's program does for it."""
     target = Target(glide_angle=angle, speed=speed, turn_rate=turn_rate)
-    return steady_motion(SEAWING, target)
+    return solve(SEAWING, target)
 
 
 def test_commands_for_a_wanted_path_and_the_limits_of_it():
@@ -140,10 +144,11 @@ def test_commands_for_a_wanted_path_and_the_limits_of_it():
     angles = np.append(angles, float(turning.glide_angle()))
     speeds = np.append(np.full(7, 0.4), float(turning.speed()))
     rates = np.append(np.zeros(7), float(turning.turn_rate))
-    found = wanted(*(jnp.asarray(x) for x in (angles, speeds, rates)))
+    found = [wanted(*given) for given in zip(angles, speeds, rates, strict=True)]
+    found = jax.tree.map(lambda *x: np.stack(x), *found)
     np.testing.assert_array_equal(found.converged, [1, 1, 1, 0, 0, 1, 1, 1])
     straight = np.array([0, 1, 2, 5, 6])
-    state, command = jax.vmap(lambda a: straight_glide(SEAWING, a, 0.4))(
+    state, command = jax.jit(jax.vmap(lambda a: straight_glide(SEAWING, a, 0.4)))(
         jnp.asarray(angles[straight])
     )
     for name in ("surge", "heave", "pitch"):
@@ -310,7 +315,11 @@ def test_trim_prints_draws_and_writes(call, tmp_path):
     [
         ("--glide-angle -5 --speed 0.4", 1, ("-5 deg", "shallowest dive", "-13.52")),
         ("--glide-angle 30 --buoyancy-mass 0.3", 1, ("a climb the opposite",)),
-        ("--glide-angle -35 --speed 0.9", 3, ("buoyancy_mass is beyond",)),
+        (
+            "--glide-angle -35 --speed 0.9 --turn-rate 0",
+            3,
+            ("buoyancy_mass is beyond",),
+        ),
         ("--glide-angle 0", 2, ("--glide-angle", "'0'")),
         ("--speed 0", 2, ("--speed", "positive number")),
         ("--speed 1 --buoyancy-mass 1", 2, ("not allowed with",)),

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 from jaxtyping import Array, Float
 
 from jaxglider.signals import BodyAxes, Command, GliderState, zeros
@@ -44,12 +45,18 @@ def linearise(plant: AbstractPlant, motion: SteadyMotion) -> Linear:
         motion: about which.
     """
 
-    def rate(x: Array, command: Array) -> Array:
-        given = dict(zip(STATES, x, strict=True))
-        state = GliderState.at_rest(**given)
+    def rate(at: Array) -> Array:
+        x, command = at[: len(STATES)], at[len(STATES) :]
+        state = GliderState.at_rest(**dict(zip(STATES, x, strict=True)))
         turned = plant.derivative(state, Command(*command), zeros(BodyAxes, x[0]))
         return jnp.stack([getattr(turned, name) for name in STATES])
 
-    x = jnp.stack([getattr(motion.state, name) for name in STATES])
-    command = jnp.stack([getattr(motion.command, name) for name in INPUTS])
-    return Linear(*jax.jacfwd(rate, (0, 1))(x, command))
+    at = [getattr(motion.state, name) for name in STATES]
+    at += [getattr(motion.command, name) for name in INPUTS]
+    about = jnp.stack(at)
+    # One column after the other: as a loop it compiles in half the time.
+    columns = lax.map(
+        lambda along: jax.jvp(rate, (about,), (along,))[1],
+        jnp.eye(about.size, dtype=about.dtype),
+    )
+    return Linear(columns[: len(STATES)].T, columns[len(STATES) :].T)
