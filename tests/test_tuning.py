@@ -472,7 +472,7 @@ def test_paired_intervals_cover_the_truth_as_often_as_they_say():
 
 
 def test_tuning_the_paper_case_halves_the_objective(evaluate_jit):
-    """The sum of the three relative errors goes from 3 to 1.5 or less in 30 steps."""
+    """The sum of the three relative errors goes from 3 to 1.5 or less in 15 steps."""
     loop = paper.make_loop("switching", "printed")
     sea = loop.scenario.sea(jax.random.key(0))
     objective = Objective(evaluate_jit(loop, sea))
@@ -485,7 +485,7 @@ def test_tuning_the_paper_case_halves_the_objective(evaluate_jit):
 
     descent = Descent(
         cost,
-        *(member, member, Settings(steps=30)),
+        *(member, member, Settings(steps=15)),
         guide=lambda free, member: cost(free, member, 60.0),
     )
     state = descent.start(space.read(loop))
