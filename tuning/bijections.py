@@ -22,6 +22,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxglider._types import Scalar, Series
 
@@ -29,6 +30,8 @@ MARGIN = 1e-5
 """m: share of an edge by which a gain stays clear of it."""
 
 _KNEE, _ROOM = 20.0, 10.0
+
+Number = float | np.ndarray
 
 
 def bend(free: Series) -> Series:
@@ -38,11 +41,11 @@ def bend(free: Series) -> Series:
     return jnp.where(size <= _KNEE, free, jnp.sign(free) * (_KNEE + _ROOM * tail))
 
 
-def unbend(bent: Series) -> Series:
-    """The inverse of `bend`, for numbers within ±30."""
-    size = jnp.abs(bent)
-    tail = jnp.arctanh(jnp.maximum(size - _KNEE, 0.0) / _ROOM)
-    return jnp.where(size <= _KNEE, bent, jnp.sign(bent) * (_KNEE + _ROOM * tail))
+def unbend(bent: np.ndarray) -> np.ndarray:
+    """The inverse of `bend`, for numbers within ±30; plain NumPy, not to be traced."""
+    size = np.abs(bent)
+    tail = np.arctanh(np.maximum(size - _KNEE, 0.0) / _ROOM)
+    return np.where(size <= _KNEE, bent, np.sign(bent) * (_KNEE + _ROOM * tail))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,9 +60,9 @@ class Positive:
         """The gain, from `stretch` and the edge."""
         return grown
 
-    def inverse(self, gain: Scalar, edge: Scalar | float) -> Scalar:
-        """The bent free number of a gain."""
-        return jnp.log(gain)
+    def inverse(self, gain: Number, edge: float) -> Number:
+        """The bent free number of a gain; not to be traced."""
+        return np.log(gain)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,9 +77,9 @@ class Above:
         """The gain, from `stretch` and the edge."""
         return edge * (1.0 + MARGIN) + grown
 
-    def inverse(self, gain: Scalar, edge: Scalar | float) -> Scalar:
-        """The bent free number of a gain."""
-        return jnp.log(gain - edge * (1.0 + MARGIN))
+    def inverse(self, gain: Number, edge: float) -> Number:
+        """The bent free number of a gain; not to be traced."""
+        return np.log(gain - edge * (1.0 + MARGIN))
 
     def has_room_for(self, gain: float, edge: float) -> bool:
         """Whether a gain is clear of the edge."""
@@ -99,10 +102,10 @@ class Below:
         """The gain, from `stretch` and the edge."""
         return edge * (1.0 - MARGIN) * grown
 
-    def inverse(self, gain: Scalar, edge: Scalar | float) -> Scalar:
-        """The bent free number of a gain."""
+    def inverse(self, gain: Number, edge: float) -> Number:
+        """The bent free number of a gain; not to be traced."""
         share = gain / (edge * (1.0 - MARGIN))
-        return jnp.log(share) - jnp.log1p(-share)
+        return np.log(share) - np.log1p(-share)
 
     def has_room_for(self, gain: float, edge: float) -> bool:
         """Whether a gain is clear of the edge, and positive."""

@@ -14,6 +14,7 @@ space says so in its notes.
 """
 
 import dataclasses
+import functools
 from collections.abc import Collection, Sequence
 from operator import attrgetter
 from typing import Any
@@ -27,7 +28,7 @@ from jaxglider._types import Series
 from jaxglider.observer import FixedTimeObserver
 from jaxglider.rollout import ClosedLoop
 from jaxglider.signals import BodyAxes
-from tuning.bijections import bend, unbend
+from tuning.bijections import Bijection, bend, unbend
 from tuning.coordinates import (
     CONSTRAINTS,
     K1_BELOW_K2,
@@ -106,26 +107,28 @@ class Space:
         """
         start, _ = start_inside(loop, self.coordinates)
         with jax.enable_x64(True):
-            bent = [
-                c.bijection.inverse(jnp.asarray(start[c.path]), edge_at(c, start))
-                for c in self.coordinates
-            ]
-            free = np.asarray(unbend(jnp.stack(bent)))
-        return jnp.asarray(free, jnp.result_type(*leaves(loop, self.names)))
+            edges = [float(edge_at(c, start)) for c in self.coordinates]
+        bent = [
+            c.bijection.inverse(start[c.path], edge)
+            for c, edge in zip(self.coordinates, edges, strict=True)
+        ]
+        return jnp.asarray(
+            unbend(np.array(bent)), jnp.result_type(*leaves(loop, self.names))
+        )
 
     def write(self, loop: ClosedLoop, free: Series) -> ClosedLoop:
         """The closed loop with the numbers that the free numbers stand for."""
         # All at once first, then number by number: the latter alone compiles slowly.
-        bent = bend(free)
-        kinds = {type(c.bijection): c.bijection for c in self.coordinates}
-        grown = {kind: bijection.stretch(bent) for kind, bijection in kinds.items()}
+        kinds = tuple(dict.fromkeys(c.bijection for c in self.coordinates))
+        grown = dict(zip(kinds, _stretched(kinds, free), strict=True))
         written: dict[str, Any] = {}
         for n, c in partners_first(self.coordinates):
             partner = None
             if c.partner is not None:
                 partner = written.get(c.partner, attrgetter(c.partner)(loop))
-            part = grown[type(c.bijection)][n]
-            written[c.path] = c.bijection.place(part, c.edge.at(partner))
+            written[c.path] = c.bijection.place(
+                grown[c.bijection][n], c.edge.at(partner)
+            )
         old = leaves(loop, self.names)
         new = [
             jnp.asarray(written[name], leaf.dtype)
@@ -152,6 +155,14 @@ class Space:
                     f"{c.path} = {value:g}{beside} breaks its rule: {c.edge.rule}."
                 )
         return broken
+
+
+# Compiled as one, not operation by operation where nothing is traced.
+@functools.partial(jax.jit, static_argnums=0)
+def _stretched(kinds: tuple[Bijection, ...], free: Series) -> list[Series]:
+    """Of all gains the part that does not need the edge, for each kind."""
+    bent = bend(free)
+    return [kind.stretch(bent) for kind in kinds]
 
 
 def _check_constraints(

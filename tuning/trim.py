@@ -113,7 +113,7 @@ def _impossible(plant: AbstractPlant, target: Target) -> str:
             "a climb the opposite."
         )
     if isinstance(plant, FullPlant):
-        dive, climb = (math.degrees(float(x)) for x in glide_limits(plant))
+        dive, climb = (math.degrees(float(x)) for x in jax.jit(glide_limits)(plant))
         if dive < wanted < climb:
             return (
                 f"no steady glide at {wanted:g} deg: the shallowest dive of this "
@@ -179,7 +179,7 @@ def _mode_dict(mode: Mode) -> dict[str, Any]:
 def _limits_dict(plant: AbstractPlant) -> dict[str, float] | None:
     if not isinstance(plant, FullPlant):
         return None
-    dive, climb = glide_limits(plant)
+    dive, climb = jax.jit(glide_limits)(plant)
     return {"dive": math.degrees(float(dive)), "climb": math.degrees(float(climb))}
 
 

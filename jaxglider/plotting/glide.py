@@ -43,14 +43,15 @@ def polar(
         motion: marked by a dot.
     """
     alpha = np.radians(np.geomspace(0.02, 20.0, 200))
+    glides = jax.jit(jax.vmap(glide_polar, (None, None, 0)))
     for mass, style in zip(buoyancy, distinct_styles(len(buoyancy)), strict=True):
         for sense in (1.0, -1.0):
-            angle, speed = jax.vmap(lambda a, m=sense * mass: glide_polar(plant, m, a))(
-                jnp.asarray(sense * alpha)
+            angle, speed = map(
+                np.asarray, glides(plant, sense * mass, jnp.asarray(sense * alpha))
             )
             axis.plot(
-                np.asarray(speed * jnp.cos(angle)),
-                np.asarray(-speed * jnp.sin(angle)),
+                speed * np.cos(angle),
+                -speed * np.sin(angle),
                 color=style.colour,
                 ls=style.dashes,
                 label=f"{mass:g} kg" if sense > 0.0 else None,
