@@ -205,7 +205,10 @@ def step():
         bounds = controller.bounds(clock)
         return controller.step(state, measurement, reference, bounds, jnp.asarray(0.05))
 
-    return jax.jit(jax.vmap(one, in_axes=(None, 0, 0, 0, 0, 0, 0)))
+    # In a loop, which compiles fastest.
+    return jax.jit(
+        lambda controller, *rows: jax.lax.map(lambda row: one(controller, *row), rows)
+    )
 
 
 @pytest.mark.parametrize("pairing", ["paper", "tian"])

@@ -52,7 +52,8 @@ def parts():
         force = model.force(state, m.attitude, applied)
         return model.drift(m), model.input_gain(m), force
 
-    return jax.jit(jax.vmap(parts, in_axes=(None, 0, 0, 0)))
+    # In a loop, which compiles fastest.
+    return jax.jit(lambda model, *rows: jax.lax.map(lambda x: parts(model, *x), rows))
 
 
 def sample(seed, count=12, largest_angle=1.5):
