@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from tuning.sweep.columns import CHANNELS
+from tuning.sweep.drivers import rank_correlations
 from tuning.sweep.statistics import (
     clopper_pearson,
     cvar,
@@ -13,6 +14,7 @@ from tuning.sweep.statistics import (
     probability,
     quantile,
     spread,
+    student_half_width,
 )
 from tuning.sweep.summary import LINES, text_summary
 
@@ -154,3 +156,29 @@ def test_cells_of_the_summary_keep_apart_however_long_they_are():
     (row,) = (line for line in lines if line.startswith("did not finish"))
     assert row.split(maxsplit=3)[3] == f"{cell}  {cell}"
     assert not [line for line in lines if line != line.rstrip()]
+
+
+@pytest.mark.parametrize("n", [2, 10, 59, 1500])
+def test_quantiles_and_tests_are_those_of_scipys_statistics(n):
+    rng = np.random.default_rng(n)
+    for share in (0.05, 0.5, 0.99):
+        law = stats.binom(n, share)
+        low, high = int(law.ppf(0.025)), int(law.ppf(0.975)) + 1
+        ends = [float(low - 1) if low else None, float(high - 1) if high <= n else None]
+        assert quantile(np.arange(float(n)), share)["interval"] == ends
+    for k in {1, max(n // 3, 1), n - 1}:
+        found = clopper_pearson(k, n)
+        wanted = [stats.beta.ppf(0.025, k, n - k + 1)]
+        wanted += [stats.beta.ppf(0.975, k + 1, n - k)]
+        np.testing.assert_allclose(found, wanted, rtol=1e-10)
+        first = np.arange(n) < k
+        p = stats.binomtest(k, n).pvalue
+        assert discordant(first, ~first)["p_value"] == pytest.approx(p, rel=1e-10)
+    x = rng.normal(size=n)
+    half = stats.t.ppf(0.975, n - 1) * stats.sem(x)
+    assert student_half_width(x) == pytest.approx(half, rel=1e-10)
+    tied = rng.integers(0, 5, (n, 3)).astype(float)
+    found = rank_correlations(tied, x)["rho"]
+    for column, rho in zip(tied.T, found, strict=True):
+        if np.ptp(column) > 0.0:
+            assert rho == pytest.approx(stats.spearmanr(column, x).statistic)

@@ -4,13 +4,13 @@ from typing import Any
 
 import jax
 import numpy as np
-from scipy import stats
 
 from jaxglider.io import metrics_dict
 from jaxglider.metrics import Metrics
 from jaxglider.rollout import ClosedLoop
 from tuning.members import nominal_member
 from tuning.objective import CHANNELS
+from tuning.sweep.statistics import student_half_width
 from tuning.task import Task
 
 MEASURES = {"rms_error": "L2[e]", "rms_effort": "L2[U]", "chattering": "L2[dU]"}
@@ -63,7 +63,7 @@ def paired(before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
     difference = new - old
     interval = None
     if len(old) > 1:
-        half = stats.t.ppf(0.975, len(old) - 1) * stats.sem(difference)
+        half = student_half_width(difference)
         interval = [float(difference.mean() - half), float(difference.mean() + half)]
     return {
         "pairs": len(old),

@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from tuning.sweep.columns import CHANNELS, Table
 from tuning.sweep.summary import severity
@@ -30,6 +30,12 @@ def output(table: Table, number: int, name: str) -> np.ndarray:
     return table.column(number, name)
 
 
+def _ranked(values: np.ndarray) -> np.ndarray:
+    """Ranks from one on, the mean of them for equal values."""
+    _, places, counts = np.unique(values, return_inverse=True, return_counts=True)
+    return (np.cumsum(counts) - 0.5 * (counts - 1))[places]
+
+
 def rank_correlations(values: np.ndarray, result: np.ndarray) -> dict[str, Any]:
     """Spearman's correlation of each uncertain number with a result.
 
@@ -44,13 +50,13 @@ def rank_correlations(values: np.ndarray, result: np.ndarray) -> dict[str, Any]:
         `rho`, `low` and `high`, one number a column; zero where nothing varies.
     """
     n = len(result)
-    ranks = stats.rankdata(result)
-    columns = np.apply_along_axis(stats.rankdata, 0, values)
+    ranks = _ranked(result)
+    columns = np.apply_along_axis(_ranked, 0, values)
     spread = columns.std(axis=0) * ranks.std()
     joint = (columns * (ranks - ranks.mean())[:, None]).mean(axis=0)
     rho = np.divide(joint, spread, out=np.zeros(values.shape[1]), where=spread > 0.0)
     inside = np.clip(rho, -1.0 + 1e-12, 1.0 - 1e-12)
-    half = stats.norm.ppf(0.975) * np.sqrt((1.0 + rho**2 / 2.0) / max(n - 3, 1))
+    half = special.ndtri(0.975) * np.sqrt((1.0 + rho**2 / 2.0) / max(n - 3, 1))
     return {
         "rho": rho,
         "low": np.tanh(np.arctanh(inside) - half),

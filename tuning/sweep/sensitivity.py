@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from tuning.members import SENSITIVITY
 from tuning.sweep.campaign import run_campaign
@@ -140,6 +139,8 @@ def agreement(rows: list[dict[str, Any]]) -> dict[str, Any]:
         `disagreements`: factors among the first five one way and beyond the tenth
         another way, in words.
     """
+    from scipy import stats  # a second to import, and seldom needed
+
     ways = {
         "total index": [row.get("total") for row in rows],
         "rank correlation": [
