@@ -28,7 +28,7 @@ jaxglider.enable_fast_loops()
 import jax
 import jax.numpy as jnp
 import numpy as np
-from search_runs import CMA, DESCENT, LOOKS, RANDOM, Run, draw, plain, summary, table
+from search_runs import CMA, DESCENT, LOOKS, RANDOM, Run, draw, summary, table
 
 from jaxglider import map_members, paper
 from jaxglider.io import provenance
@@ -41,6 +41,7 @@ from tuning.descent import Descent
 from tuning.descent_state import Settings
 from tuning.objective import Aggregate, scattered
 from tuning.options import parser as tune_parser
+from tuning.sweep.statistics import plain
 from tuning.task import build_task
 
 
@@ -53,6 +54,7 @@ class Problem:
         guide: what is differentiated instead, of the same values.
         members: pytree with one leading axis.
         aggregate: of the members' objectives.
+        unit: what a run like the start costs.
         start: free numbers.
         names: of the numbers tuned.
         about: the problem in words.
@@ -62,6 +64,7 @@ class Problem:
     guide: Callable[[Any, Any], Any]
     members: Any
     aggregate: Aggregate
+    unit: float
     start: Any
     names: tuple[str, ...]
     about: str
@@ -88,6 +91,7 @@ def make_problem(options: argparse.Namespace) -> Problem:
         task.guide,
         task.training,
         task.aggregate,
+        task.unit,
         task.space.read(task.loop),
         task.space.names,
         f"{options.scenario} on {options.plant}, objective of `jaxglider tune`",
@@ -149,6 +153,7 @@ def compare(problem: Problem, options: argparse.Namespace) -> tuple[Any, Any]:
         Settings(steps=options.steps, patience=options.steps, copies=options.copies),
         problem.aggregate,
         guide=problem.guide,
+        unit=problem.unit,
     )
 
     def search(method: Any, spread: float, seed: int) -> Iterator[Any]:

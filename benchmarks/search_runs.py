@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxglider.io import replacing
+from tuning.sweep.statistics import plain
 
 DESCENT, CMA, RANDOM = "descent", "CMA-ES", "random"
 LOOKS = {DESCENT: ("#0072B2", "-"), CMA: ("#D55E00", "--"), RANDOM: ("#009E73", ":")}
@@ -94,11 +95,6 @@ def spread_of(values: list[Any]) -> dict[str, Any]:
 def ratio(above: float, below: float) -> float:
     """A quotient, not finite where either never got there."""
     return above / below if math.isfinite(above) and math.isfinite(below) else math.nan
-
-
-def plain(value: float) -> float | None:
-    """The number, or None where JSON has none for it."""
-    return float(value) if math.isfinite(value) else None
 
 
 def table(result: dict[str, Any], seeds: int) -> str:

@@ -111,7 +111,8 @@ def best_plan(loop: ClosedLoop, roll: float, steps: int) -> ClosedLoop:
     def value(angles: jax.Array) -> jax.Array:
         return cost(evaluate(planned(angles), sea, gradient_memory=MEMORY), roll)
 
-    angles = jnp.zeros(round(800.0 / EVERY) + 1)
+    clock = loop.scenario.clock
+    angles = jnp.zeros(round(clock.ticks * float(clock.dt) / EVERY) + 1)
     adam = optax.chain(
         optax.clip_by_global_norm(1.0),
         optax.adam(optax.cosine_decay_schedule(0.02, steps)),
@@ -139,8 +140,8 @@ def row(name: str, trajectory: Trajectory) -> str:
     return "| " + " | ".join([name, *errors, f"{float(metrics.max_roll):.2f}"]) + " |"
 
 
-def draw(runs: dict[str, Trajectory], path: Path) -> None:
-    """Heading and roll of all runs."""
+def draw(runs: dict[str, Trajectory], dt: float, path: Path) -> None:
+    """Heading, mass angle and roll of all runs; one tick is dt [s]."""
     rows: dict[str, Callable[[Any], Any]] = {
         "heading (deg)": lambda at: at.state.heading,
         "mass angle (deg)": lambda at: at.applied.mass_angle,
@@ -154,7 +155,7 @@ def draw(runs: dict[str, Trajectory], path: Path) -> None:
                 distinct_styles(len(runs)), runs.items(), strict=True
             ):
                 angle = np.degrees(np.asarray(of(run.ticks)))
-                time = 0.05 * np.arange(angle.size)
+                time = dt * np.arange(angle.size)
                 line = {"color": style.colour, "ls": style.dashes, "label": name}
                 axis.plot(time, angle, **line)
             axis.set_ylabel(label)
@@ -188,7 +189,7 @@ def main() -> None:
     print("|---|---:|---:|---:|---:|")
     for name, trajectory in runs.items():
         print(row(name, trajectory))
-    draw(runs, options.out)
+    draw(runs, float(loop.scenario.clock.dt), options.out)
 
 
 if __name__ == "__main__":

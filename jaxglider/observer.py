@@ -106,8 +106,8 @@ class FixedTimeObserver(AbstractObserver):
         integral: ι₂ per axis.
         stretch: ς per axis, weight of the terms that act far from the surface.
         smoothing: δ [kg m/s, kg m²/s] of the signed powers.
-        newton_steps: iterations of the scalar root in double precision; single takes
-            one less, which doubles its digits often enough.
+        newton_steps: iterations of the scalar root in double precision; in single one
+            less, see `observer_root`.
 
     Raises:
         ValueError: a gain or the smoothing is not positive, or there is no step.

@@ -2,7 +2,6 @@
 
 import argparse
 import dataclasses
-import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -78,6 +77,7 @@ class Task:
         training: members to descend on.
         validation: members to choose by.
         test: members for the verdict alone.
+        unit: what a run like the start costs; see `Objective.unit`.
         gradient_memory: of the gradient that is descended [s]; None for the exact one.
     """
 
@@ -90,12 +90,8 @@ class Task:
     training: Member
     validation: Member
     test: Member
+    unit: float
     gradient_memory: float | None = None
-
-    @functools.cached_property
-    def unit(self) -> float:
-        """What a run like the start costs; see `Objective.unit`."""
-        return self.objective.unit()
 
     def loss(self, free: Any, member: Member) -> Any:
         """The objective of free numbers on one member; pure."""
@@ -163,20 +159,20 @@ def build_task(options: argparse.Namespace) -> Task:
             return nominal_member(loop)
         return sample_members(uncertainty, options.seed, which, count)
 
-    task = Task(
+    objective = Objective(_reference(loop, kind, case), weights, cost)
+    return Task(
         case,
         kind,
         loop,
         space,
-        Objective(_reference(loop, kind, case), weights, cost),
+        objective,
         aggregate,
         draw(TRAINING, options.members),
         draw(VALIDATION, options.validation),
         draw(TEST, options.test),
+        objective.unit(),
         options.gradient_memory or None,
     )
-    _ = task.unit  # a cost that has none is refused here
-    return task
 
 
 def _uncertainty(options: argparse.Namespace, scenario: Scenario) -> Uncertainty:
