@@ -8,6 +8,7 @@ from jaxglider.controllers import ChannelGains as ChannelGains
 from jaxglider.controllers import ControlRecord as ControlRecord
 from jaxglider.controllers import Funnel as Funnel
 from jaxglider.controllers import FxTPPC as FxTPPC
+from jaxglider.controllers import RollAwareFxTPPC as RollAwareFxTPPC
 from jaxglider.disturbances import Calm as Calm
 from jaxglider.disturbances import Constant as Constant
 from jaxglider.disturbances import GaussMarkov as GaussMarkov

@@ -22,7 +22,13 @@ from jaxglider._toml import (
     refuse_unknown,
     whole_number,
 )
-from jaxglider.controllers import PPC, SMC, AbstractController, FxTPPC
+from jaxglider.controllers import (
+    PPC,
+    SMC,
+    AbstractController,
+    FxTPPC,
+    RollAwareFxTPPC,
+)
 from jaxglider.controllers.fxtppc import EXPONENTS
 from jaxglider.observer import AbstractObserver, FixedTimeObserver, NoObserver
 from jaxglider.performance import (
@@ -36,7 +42,12 @@ from jaxglider.rollout import ClosedLoop
 from jaxglider.scenario import Scenario
 
 FAMILIES: dict[type, dict[str, type]] = {
-    AbstractController: {"smc": SMC, "ppc": PPC, "fxtppc": FxTPPC},
+    AbstractController: {
+        "smc": SMC,
+        "ppc": PPC,
+        "fxtppc": FxTPPC,
+        "fxtppc-roll": RollAwareFxTPPC,
+    },
     AbstractObserver: {"none": NoObserver, "fixed-time": FixedTimeObserver},
     AbstractPerformanceFunction: {
         "sech": SechFunction,
@@ -200,7 +211,7 @@ def decode_gains(data: dict[str, Any], scenario: str, model: Any) -> Law:
     top = Table(data, "")
     table = top.get("controller")
     kind = Table(table, "controller").text("type")
-    choice(kind, dict.fromkeys(paper.CONTROLLERS), "controller.type")
+    choice(kind, FAMILIES[AbstractController], "controller.type")
     controller = decode(
         paper.make_controller(kind, scenario, model), table, "controller"
     )

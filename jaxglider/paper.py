@@ -20,6 +20,7 @@ from jaxglider.controllers import (
     ChannelGains,
     Funnel,
     FxTPPC,
+    RollAwareFxTPPC,
 )
 from jaxglider.controllers.fxtppc import paper_exponents
 from jaxglider.disturbances import Sinusoid, axes
@@ -57,6 +58,8 @@ PLANTS: dict[str, Callable[[VehicleData], AbstractPlant]] = {
 }
 """The paper's glider, the same with a consistent moving mass, and the published one."""
 CONTROLLERS = ("smc", "ppc", "fxtppc")
+ROLL_AWARE = "fxtppc-roll"
+"""The third law made aware of the roll; not the paper's."""
 DURATION = {"switching": 800.0, "waypoints": 1200.0}
 SCENARIOS = tuple(DURATION)
 
@@ -181,14 +184,14 @@ def funnel(
 
 
 def make_controller(name: str, scenario: str, model: DesignModel) -> AbstractController:
-    """One of the three controllers with the paper's gains.
+    """One of the three controllers with the paper's gains, or `fxtppc-roll`.
 
     The funnel of `smc` only serves to judge it by the same bounds.
 
     Raises:
         ValueError: an unknown name.
     """
-    choose("controller", name, CONTROLLERS)
+    choose("controller", name, (*CONTROLLERS, ROLL_AWARE))
     choose("scenario", scenario, SCENARIOS)
     if name == "smc":
         return SMC(
@@ -206,7 +209,7 @@ def make_controller(name: str, scenario: str, model: DesignModel) -> AbstractCon
             l1_margin=Channels(0.1, 0.1, 0.1),
             l2=Channels(1.0, 1.0, 3.0),
         )
-    return FxTPPC(
+    law = FxTPPC(
         model,
         funnel(scenario),
         Channels(
@@ -216,6 +219,7 @@ def make_controller(name: str, scenario: str, model: DesignModel) -> AbstractCon
         ),
         exponents=paper_exponents,
     )
+    return law if name == "fxtppc" else RollAwareFxTPPC(law)
 
 
 def fixed_time_observer(model: DesignModel) -> FixedTimeObserver:

@@ -77,7 +77,7 @@ def _refused(answer, *parts):
 def test_names_on_the_command_line_are_those_of_the_package():
     assert tuning.options.SCENARIOS == paper.SCENARIOS
     assert tuple(paper.PLANTS) == tuning.options.PLANTS
-    assert tuning.options.CONTROLLERS == paper.CONTROLLERS
+    assert (*paper.CONTROLLERS, paper.ROLL_AWARE) == tuning.options.CONTROLLERS
 
 
 def test_help_and_version_import_nothing_heavy(tmp_path):

@@ -329,6 +329,7 @@ REGISTRY = {
     "controller/smc": lambda: controller(controller_of("smc")),
     "controller/ppc": lambda: controller(controller_of("ppc")),
     "controller/fxtppc": lambda: controller(controller_of("fxtppc")),
+    "controller/fxtppc-roll": lambda: controller(controller_of(paper.ROLL_AWARE)),
     "reference/schedule": lambda: reference(AttitudeSchedule(schedule())),
     "reference/waypoints": lambda: reference(
         WaypointPath([4.0, 9.0], [2.0, 0.0], LineOfSight(2.5, 0.01), schedule(), 3.0)

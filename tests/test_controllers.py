@@ -1,4 +1,4 @@
-"""The three laws agree with the paper's formulas written out in matrices."""
+"""The laws agree with their formulas written out in matrices."""
 
 import dataclasses
 from functools import partial
@@ -10,12 +10,26 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_physics import MatrixGlider, array, columns, random_commands, random_states
 
-from jaxglider import PPC, SMC, ChannelGains, Funnel, FxTPPC, paper
+from jaxglider import (
+    PPC,
+    SMC,
+    Actuator,
+    Calm,
+    ChannelGains,
+    ClosedLoop,
+    Funnel,
+    FxTPPC,
+    NoObserver,
+    RollAwareFxTPPC,
+    paper,
+    simulate,
+)
 from jaxglider.controllers.fxtppc import (
     paper_exponents,
     reaching_law,
     tian_exponents,
 )
+from jaxglider.controllers.roll_aware import RollAwareState
 from jaxglider.numerics import signed_powers
 from jaxglider.performance import HalfSechFunction, SechFunction
 from jaxglider.signals import (
@@ -119,6 +133,7 @@ class Situation:
         rng = np.random.default_rng(seed)
         self.states = random_states(rng, COUNT)
         self.applied = random_commands(rng, COUNT)
+        self.asked = self.applied + 0.1 * random_commands(rng, COUNT)
         self.estimate = 0.05 * rng.uniform(-1, 1, (COUNT, 6))
         self.clock = rng.uniform(0, 55, COUNT)
         self.integral = rng.uniform(-0.5, 0.5, (COUNT, 3))
@@ -140,7 +155,9 @@ class Situation:
 
     def run(self, step, controller):
         state = columns(Channels, self.integral)
-        if not isinstance(controller, FxTPPC):
+        if isinstance(controller, RollAwareFxTPPC):
+            state = RollAwareState(state, columns(Command, self.asked))
+        elif not isinstance(controller, FxTPPC):
             state = None
         return step(
             controller,
@@ -154,13 +171,18 @@ class Situation:
             jnp.asarray(self.clock),
         )
 
+    def input_gain(self, n):
+        """h and g of one of the states."""
+        phi, theta = self.states[n, 3:5]
+        h = GLIDER.output_map(phi, theta) @ np.linalg.inv(GLIDER.inertia)
+        return h, h @ GLIDER.effectiveness(phi, theta, self.applied[n, 2])
+
     def invert(self, demand):
         """U from the wanted η'', by damped normal equations."""
         commands = []
         for n, x in enumerate(self.states):
             phi, theta, nu = x[3], x[4], x[6:]
-            h = GLIDER.output_map(phi, theta) @ np.linalg.inv(GLIDER.inertia)
-            g = h @ GLIDER.effectiveness(phi, theta, self.applied[n, 2])
+            h, g = self.input_gain(n)
             free = (GLIDER.coriolis(nu) + GLIDER.damping(nu)) @ nu
             free += GLIDER.restoring(phi, theta)
             f = self.turning(x) + h @ free
@@ -234,6 +256,90 @@ def test_fxtppc_is_the_law_of_the_paper(step, pairing):
     np.testing.assert_allclose(array(state), s.integral + 0.05 * sliding, rtol=1e-10)
 
 
+def test_the_roll_aware_law_adds_its_formulas_to_the_papers(step):
+    law = CONTROLLERS["fxtppc, paper's pairing"]
+    share, damping, largest, hedging = 0.4, 1.2, 0.3, 0.7
+    aware = RollAwareFxTPPC(law, share, damping, largest, hedging)
+    s = Situation(SechFunction)
+    command, state, record = s.run(step, aware)
+    # From the hedged integral it is the paper's law, tested above.
+    lam = s.transformed()[2]
+    kept_back = s.applied - s.asked
+    hedge = [s.input_gain(n)[1] @ kept_back[n] for n in range(COUNT)]
+    s.integral = s.integral - 0.05 * hedging * lam * np.array(hedge)
+    wanted, integral, plain = s.run(step, law)
+    asked = array(wanted)
+    asked[:, 2] += share * s.states[:, 3]
+    steered = asked.copy()
+    steered[:, 2] = np.clip(asked[:, 2], -largest, largest) - damping * s.states[:, 9]
+    assert 0 < np.sum(np.abs(asked[:, 2]) > largest) < COUNT
+    close = {"rtol": 1e-7, "atol": 1e-10}
+    np.testing.assert_allclose(array(command), steered, **close)
+    np.testing.assert_allclose(array(state.asked), asked, **close)
+    np.testing.assert_allclose(array(state.integral), array(integral), **close)
+    np.testing.assert_allclose(array(record.surface), array(plain.surface), **close)
+
+
+def test_a_hedged_surface_settles_in_time_whatever_the_actuator_can_do():
+    # A mass that turns by 0.1 rad at most, where the turn asks for all it can get.
+    setting = paper.make_scenario("switching", "rigid-body", duration=40.0)
+    actuators = dataclasses.replace(setting.actuators, mass_angle=Actuator(0.1))
+    setting = dataclasses.replace(setting, disturbance=Calm(), actuators=actuators)
+    model = paper.design_model(setting.plant, 1.0)
+    k1, k2, mu = 0.1, 0.4, 2.0
+    law = dataclasses.replace(
+        paper.make_controller("fxtppc", "switching", model),
+        gains=Channels(*(ChannelGains(k1, k2, mu=mu),) * 3),
+        damping=Command(1e-8, 1e-8, 1e-8),
+    )
+
+    @jax.jit
+    def surface(hedging):
+        aware = RollAwareFxTPPC(law, 0.0, 0.0, np.pi / 2, hedging)
+        loop = ClosedLoop(setting, aware, NoObserver())
+        ticks = simulate(loop, setting.sea(jax.random.key(0))).ticks
+        return ticks.surface.heading, ticks.applied.mass_angle
+
+    # Both terms of u_s with k1 + k2: within 2μ/(k1 + k2), 8 s.
+    settled = round(2 * mu / (k1 + k2) / 0.05)
+    hedged, angle = map(np.asarray, surface(1.0))
+    assert np.mean(np.abs(angle) > 0.0999) > 0.7
+    assert np.abs(hedged[settled:]).max() < 1e-3
+    wound_up, _ = map(np.asarray, surface(0.0))
+    assert np.abs(wound_up[settled:]).min() > 1.0
+
+
+def test_the_roll_aware_law_is_the_papers_where_nothing_is_added(step):
+    law = CONTROLLERS["fxtppc, paper's pairing"]
+    s = Situation(SechFunction)
+    s.applied[:, 2] *= 0.1
+    wanted, integral, _ = s.run(step, law)
+    inside = np.abs(array(wanted)[:, 2]) < np.pi / 2
+    assert np.any(inside)
+    aware = RollAwareFxTPPC(law, 0.0, 0.0, np.pi / 2, 0.0)
+    command, state, _ = s.run(step, aware)
+    # Two programs: they may round differently.
+    np.testing.assert_allclose(array(command)[inside], array(wanted)[inside], 1e-12)
+    np.testing.assert_allclose(array(state.integral), array(integral), 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "rule"),
+    [
+        ("roll_share", -0.1, "zero or positive"),
+        ("roll_damping", -1.0, "zero or positive"),
+        ("largest_angle", 1.6, r"\(0, 1.5708\]"),
+        ("hedging", 1.1, r"\[0, 1\]"),
+    ],
+)
+def test_the_roll_aware_law_refuses_what_is_outside_its_sets(field, value, rule):
+    aware = RollAwareFxTPPC(CONTROLLERS["fxtppc, paper's pairing"])
+    with pytest.raises(ValueError, match=f"RollAwareFxTPPC.{field} must be .*"):
+        dataclasses.replace(aware, **{field: value})
+    with pytest.raises(ValueError, match=rule):
+        dataclasses.replace(aware, **{field: value})
+
+
 def test_ppc_is_the_law_of_the_paper(step):
     s = Situation(HalfSechFunction)
     command, _, record = s.run(step, CONTROLLERS["ppc"])
@@ -264,9 +370,8 @@ def test_estimate_enters_every_law_through_h(step, name):
     estimate, s.estimate = s.estimate, 0 * s.estimate
     without, _, _ = s.run(step, CONTROLLERS[name])
     found = array(with_estimate) - array(without)
-    for n, x in enumerate(s.states):
-        h = GLIDER.output_map(x[3], x[4]) @ np.linalg.inv(GLIDER.inertia)
-        g = h @ GLIDER.effectiveness(x[3], x[4], s.applied[n, 2])
+    for n in range(COUNT):
+        h, g = s.input_gain(n)
         right = -g.T @ h @ estimate[n]
         expected = np.linalg.solve(g.T @ g + np.diag(DAMPING), right)
         np.testing.assert_allclose(found[n], expected, rtol=1e-7, atol=1e-9)

@@ -49,7 +49,7 @@ def _limits(loop):
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", paper.CONTROLLERS)
+@pytest.mark.parametrize("name", [*paper.CONTROLLERS, paper.ROLL_AWARE])
 def test_compiled_code_follows_the_trace_even_through_faults(
     course, plant, name, tmp_path
 ):

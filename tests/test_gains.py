@@ -18,6 +18,7 @@ from jaxglider.observer import FixedTimeObserver, NoObserver
 from jaxglider.performance import ExponentialFunction, HalfSechFunction, SechFunction
 
 MODEL = paper.design_model(paper.make_scenario().plant)
+LAWS = (*paper.CONTROLLERS, paper.ROLL_AWARE)
 
 
 def _observer(name):
@@ -44,7 +45,7 @@ def _through_toml(thing):
 
 
 @pytest.mark.parametrize("scenario", paper.SCENARIOS)
-@pytest.mark.parametrize("name", paper.CONTROLLERS)
+@pytest.mark.parametrize("name", LAWS)
 def test_a_controller_comes_back_bit_by_bit(name, scenario):
     template = paper.make_controller(name, scenario, MODEL)
     written = _scattered(template, seed=len(name))
@@ -123,7 +124,7 @@ def test_a_partial_table_keeps_the_rest_of_the_template():
 
 
 def test_an_empty_table_is_the_template():
-    for name in paper.CONTROLLERS:
+    for name in LAWS:
         template = paper.make_controller(name, "switching", MODEL)
         assert eqx.tree_equal(decode(template, {}, "controller"), template)
 
@@ -156,7 +157,7 @@ def test_reading_leaves_the_table_alone():
 
 def test_every_name_stands_for_a_member_of_its_family():
     assert [sorted(members) for members in FAMILIES.values()] == [
-        ["fxtppc", "ppc", "smc"],
+        ["fxtppc", "fxtppc-roll", "ppc", "smc"],
         ["fixed-time", "none"],
         ["exponential", "ppc", "sech"],
     ]

@@ -28,6 +28,9 @@ EVERYTHING = ("controller", "observer", "scenario")
 FUNNEL = "controller.funnel.performance"
 
 
+KINDS = ("fxtppc", "fxtppc-roll", "exponential", "ppc", "smc")
+
+
 def make_loop(kind):
     if kind == "exponential":
         loop = paper.make_loop("waypoints")
@@ -46,7 +49,7 @@ def make_loop(kind):
 
 @pytest.fixture(scope="module")
 def loops():
-    return {kind: make_loop(kind) for kind in ("fxtppc", "exponential", "ppc", "smc")}
+    return {kind: make_loop(kind) for kind in KINDS}
 
 
 @pytest.fixture(scope="module")
@@ -207,7 +210,7 @@ def test_a_gain_that_starts_at_zero_is_refused(loop):
     }
 
 
-@pytest.mark.parametrize("kind", ["fxtppc", "exponential", "ppc", "smc"])
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("precision", [np.float32, np.float64])
 def test_the_paper_gains_come_back(loops, kind, precision):
     loop = loops[kind] if precision == np.float64 else single(loops[kind])
@@ -247,7 +250,7 @@ def test_what_is_not_tuned_is_not_touched(loop):
     ]
 
 
-@pytest.mark.parametrize("kind", ["fxtppc", "exponential", "ppc", "smc"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_free_numbers_come_back(loops, kind):
     loop = loops[kind]
     space = everything(loop, kind)
@@ -294,6 +297,14 @@ def rules(value, kind, mode):
     """
     for path, x in value.items():
         yield f"{path} finite and positive", np.isfinite(x) & (x > 0.0)
+    if kind == "fxtppc-roll":
+        quarter = value["controller.largest_angle"].astype(np.float64)
+        yield "a quarter of a turn", quarter <= np.pi / 2
+        yield "hedging", value["controller.hedging"] <= 1.0
+        # What is left is the law inside.
+        inside = "controller.law."
+        value = {k.replace(inside, "controller."): x for k, x in value.items()}
+        kind = "fxtppc"
     if kind in ("fxtppc", "exponential", "ppc"):
         for c in CHANNELS:
             for side in ("lower", "upper"):
@@ -348,7 +359,7 @@ MODES = {
 }
 CASES = [
     (kind, mode)
-    for kind in ("fxtppc", "exponential", "ppc", "smc")
+    for kind in KINDS
     for mode in (MODES if kind == "fxtppc" else ["everything"])
 ]
 

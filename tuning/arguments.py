@@ -8,7 +8,8 @@ from typing import Any
 
 SCENARIOS = ("switching", "waypoints")
 PLANTS = ("printed", "rigid-body", "seawing")
-CONTROLLERS = ("smc", "ppc", "fxtppc")
+PAPER_CONTROLLERS = ("smc", "ppc", "fxtppc")
+CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll")
 
 
 def positive(text: str) -> float:

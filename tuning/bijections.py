@@ -153,6 +153,9 @@ POSITIVE = Edge(lambda _: 0.0, "positive", lambda x, _: x > 0.0)
 UNIT = Edge(lambda _: 1.0, "in (0, 1)", lambda x, _: 0.0 < x < 1.0)
 UNIT_CLOSED = Edge(lambda _: 1.0, "in (0, 1]", lambda x, _: 0.0 < x <= 1.0)
 ABOVE_ONE = Edge(lambda _: 1.0, "above 1", lambda x, _: x > 1.0)
+QUARTER_TURN = Edge(
+    lambda _: math.pi / 2, "in (0, pi/2]", lambda x, _: 0.0 < x <= math.pi / 2
+)
 FROM_ONE = Edge(lambda _: 1.0, "at least 1", lambda x, _: x >= 1.0)
 K2_GIVEN_K1 = Edge(
     lambda k1: jnp.sqrt(k1) * math.sqrt(4.0 / 3.0),

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglider.controllers import SMC, ChannelGains
+from jaxglider.controllers import SMC, ChannelGains, RollAwareFxTPPC
 from jaxglider.observer import FixedTimeObserver
 from jaxglider.performance import ExponentialFunction, SechFunction
 from jaxglider.rollout import ClosedLoop
@@ -22,6 +22,7 @@ from tuning.bijections import (
     K1_GIVEN_K2,
     K2_GIVEN_K1,
     POSITIVE,
+    QUARTER_TURN,
     SECH_BOUND,
     SECH_INITIAL,
     SECH_INITIAL_ALONE,
@@ -171,7 +172,9 @@ def _by_itself(path: str, owner: Any, name: str, names: Collection[str]) -> Coor
             return Coordinate(path, Below(), UNIT)
         case ChannelGains(), "mu":
             return Coordinate(path, Above(), ABOVE_ONE)
-        case ErrorTransformation(), _:
+        case RollAwareFxTPPC(), "largest_angle":
+            return Coordinate(path, Below(), QUARTER_TURN)
+        case (RollAwareFxTPPC(), "hedging") | (ErrorTransformation(), _):
             return Coordinate(path, Below(), UNIT_CLOSED)
         case ExponentialFunction(), "initial":
             return Coordinate(path, Above(), FROM_ONE)

@@ -22,7 +22,7 @@ from jaxglider._types import Scalar, Series
 from jaxglider.metrics import Metrics
 
 CHANNELS = ("depth", "pitch", "heading")
-UNIT = 4.0
+UNIT = 7.5
 """What a run that tracks like the start costs with the default weights."""
 Cost = Callable[[Metrics, Metrics], Scalar]
 

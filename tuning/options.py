@@ -6,6 +6,7 @@ from typing import Any
 
 from tuning.arguments import (
     CONTROLLERS,
+    PAPER_CONTROLLERS,
     PLANTS,
     SCENARIOS,
     add_common,
@@ -71,9 +72,9 @@ def _add_compare(commands: Any) -> None:
         "--controllers",
         nargs="+",
         choices=CONTROLLERS,
-        default=list(CONTROLLERS),
+        default=list(PAPER_CONTROLLERS),
         metavar="NAME",
-        help=f"any of {', '.join(CONTROLLERS)}; default: all",
+        help=f"any of {', '.join(CONTROLLERS)}; default: the paper's three",
     )
     parser.add_argument(
         "--gains",

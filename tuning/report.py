@@ -196,7 +196,8 @@ def _errors_figure(runs: dict[str, Trajectory]) -> Figure:
 
 def _settling_table(tuned: ClosedLoop, runs: dict[str, Trajectory]) -> list[str]:
     """The theory's settling bound beside the settling seen, for FxTPPC."""
-    if not isinstance(tuned.controller, FxTPPC):
+    law = getattr(tuned.controller, "law", tuned.controller)
+    if not isinstance(law, FxTPPC):
         return []
     rows = [
         "| channel | bound 2 mu/min(k1, k2) [s] | longest time to stay within "
@@ -204,7 +205,7 @@ def _settling_table(tuned: ClosedLoop, runs: dict[str, Trajectory]) -> list[str]
         "|---|---:|---:|",
     ]
     for channel in CHANNELS:
-        gains = getattr(tuned.controller.gains, channel)
+        gains = getattr(law.gains, channel)
         seen = settling_seen(runs["after"], channel)
         rows.append(f"| {channel} | {float(gains.settling_bound()):.4g} | {seen} |")
     return rows

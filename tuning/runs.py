@@ -34,7 +34,12 @@ from tuning.progress import Progress, note
 from tuning.tables import markdown_tables, text_table
 
 OK, RUN_FAILED, INTERRUPTED = 0, 1, 130
-_LABELS = {"smc": "SMC", "ppc": "PPC", "fxtppc": "FxTPPC"}
+_LABELS = {
+    "smc": "SMC",
+    "ppc": "PPC",
+    "fxtppc": "FxTPPC",
+    "fxtppc-roll": "FxTPPC-roll",
+}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -41,20 +41,29 @@ from tuning.space import Space
 
 DEFAULT_FREE = {
     "fxtppc": ("controller", "observer"),
+    "fxtppc-roll": ("controller", "observer"),
     "ppc": ("controller", "observer"),
     "smc": ("controller",),
 }
 """Which numbers are tuned where the user does not say: all of the law's own."""
 
+DEFAULT_CONTROLLER = {
+    "printed": "fxtppc",
+    "rigid-body": "fxtppc-roll",
+    "seawing": "fxtppc-roll",
+}
+"""What is tuned where neither option nor file says; the printed glider rolls away from
+its mass, and needs no more than the paper's law."""
+
 DEFAULT_WEIGHTS = Weights(
-    tracking=(1.0, 1.5, 1.5),
-    chattering=0.005,
-    crowding=30.0,
-    roll=5.0,
+    tracking=(1.0, 2.5, 4.0),
+    chattering=0.01,
+    crowding=60.0,
+    roll=10.0,
     saturation=5.0,
 )
-"""Tracking first, attitude before depth, which is won easily; the rest keeps it in the
-funnel, upright, off the buzzer and off the actuators' limits."""
+"""Tracking first, what is hard to win most: heading, then pitch. The rest keeps it in
+the funnel, upright, off the buzzer and off the actuators' limits."""
 
 GRADIENT_MEMORY = 60.0
 """How long the gradient that is descended remembers [s]; see `rollout.evaluate`."""
@@ -262,7 +271,7 @@ def _start(options: argparse.Namespace, case: Case) -> tuple[str, ClosedLoop]:
     if options.gains is not None:
         words = [str(options.gains)]
     for word in words:
-        (gains,) = case.resolve([word], [asked or "fxtppc"])
+        (gains,) = case.resolve([word], [asked or DEFAULT_CONTROLLER[case.plant]])
         kind, loop = case.loop(gains)
         if asked in (None, kind):
             return kind, loop

@@ -132,7 +132,8 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--controller",
         choices=CONTROLLERS,
-        help="default: fxtppc, or what --gains or --config has",
+        help="default: fxtppc-roll, on the printed plant fxtppc, or what --gains or "
+        "--config has",
     )
     parser.add_argument(
         "--gains",
@@ -147,7 +148,7 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="PATH",
         help="what to tune: dotted paths, `*` for any component, as "
-        "controller.gains.*.k1 controller.damping observer.integral "
+        "controller.law.gains.*.k1 controller.roll_damping observer.integral "
         "scenario.reference.line_of_sight; "
         "default: all of the controller and its observer",
     )

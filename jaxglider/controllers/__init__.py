@@ -10,4 +10,5 @@ from jaxglider.controllers.fxtppc import FxTPPC as FxTPPC
 from jaxglider.controllers.fxtppc import paper_exponents as paper_exponents
 from jaxglider.controllers.fxtppc import tian_exponents as tian_exponents
 from jaxglider.controllers.ppc import PPC as PPC
+from jaxglider.controllers.roll_aware import RollAwareFxTPPC as RollAwareFxTPPC
 from jaxglider.controllers.smc import SMC as SMC

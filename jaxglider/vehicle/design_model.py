@@ -32,6 +32,23 @@ class InputGain(eqx.Module):
     heading_position: Scalar
     heading_angle: Scalar
 
+    def response(self, command: Command[Scalar]) -> Channels[Scalar]:
+        """g U: what a command adds to the output acceleration [m/s², rad/s²]."""
+        mass, position, angle = (
+            command.buoyancy_mass,
+            command.mass_position,
+            command.mass_angle,
+        )
+        return Channels(
+            self.depth_buoyancy * mass,
+            self.pitch_buoyancy * mass
+            + self.pitch_position * position
+            + self.pitch_angle * angle,
+            self.heading_buoyancy * mass
+            + self.heading_position * position
+            + self.heading_angle * angle,
+        )
+
     def solve(
         self, demand: Channels[Scalar], damping: Command[Scalar]
     ) -> Command[Scalar]:
