@@ -41,8 +41,9 @@ from tuning.descent import Descent
 from tuning.descent_state import Settings
 from tuning.objective import Aggregate, scattered
 from tuning.options import parser as tune_parser
+from tuning.rescue import is_lost, promising_start
 from tuning.sweep.statistics import plain
-from tuning.task import build_task
+from tuning.task import Task, build_task
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +59,7 @@ class Problem:
         start: free numbers.
         names: of the numbers tuned.
         about: the problem in words.
+        task: the same as the command line has it.
     """
 
     loss: Callable[[Any, Any], Any]
@@ -68,6 +70,7 @@ class Problem:
     start: Any
     names: tuple[str, ...]
     about: str
+    task: Task
 
     @property
     def size(self) -> int:
@@ -95,6 +98,7 @@ def make_problem(options: argparse.Namespace) -> Problem:
         task.space.read(task.loop),
         task.space.names,
         f"{options.scenario} on {options.plant}, objective of `jaxglider tune`",
+        task,
     )
 
 
@@ -118,7 +122,7 @@ def make_losses(problem: Problem) -> Callable[[Any], Any]:
 
 
 def run_descent(descent: Descent, problem: Problem, seed: int) -> Run:
-    """Descend to the end of the steps."""
+    """Descend to the end of the steps, from a start that is found first if need be."""
     seeded = copy.copy(descent)
     seeded.settings = dataclasses.replace(descent.settings, seed=seed)
     cost = descent.settings.gradient_cost(problem.size, problem.aggregate)
@@ -127,6 +131,12 @@ def run_descent(descent: Descent, problem: Problem, seed: int) -> Run:
     spent = cost
     first = float(state.loss[0])
     run.note(spent, time.perf_counter() - begun, first, problem.start)
+    if is_lost(state.loss, problem.unit):
+        found = promising_start(problem.task, problem.start, seed)
+        state = seeded.start(found.free)
+        spent += found.rollouts + cost
+        now = float(state.loss[0])
+        run.note(spent, time.perf_counter() - begun, now, found.free)
     for _, step in seeded.run(state):
         spent += cost
         loss = step.loss if math.isfinite(step.loss) else math.inf

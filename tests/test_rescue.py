@@ -6,13 +6,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tuning.batch import losses
+from tuning.batch import FAILED, losses
 from tuning.objective import UNIT, Aggregate
 from tuning.rescue import DRAWS, ENOUGH, GENERATIONS, is_lost, promising_start
 
+MEMBERS = 3
+
 
 def task(loss):
-    members = jnp.zeros(3)
+    members = jnp.zeros(MEMBERS)
     each = lambda free, member: loss(free) + 0.0 * member
     return SimpleNamespace(
         training=members,
@@ -41,19 +43,21 @@ def test_a_start_is_lost_where_no_objective_is_worth_a_descent(objectives, lost)
 def test_a_start_that_fails_gives_way_to_a_better_one(start):
     """Gains far too high and far too low are both brought back."""
     told = []
-    free, said = promising_start(
+    free, spent, said = promising_start(
         task(island), jnp.asarray([start, 4.0]), 0, told.append
     )
     assert float(island(free)) < ENOUGH * UNIT
-    assert "the starting gains lose the glider (objective 30)" in said
+    assert f"the starting gains lose the glider (objective {FAILED * UNIT:.3g})" in said
     assert f"({float(island(free)):.3g})" in said
     assert f"generation 1/{GENERATIONS}" in told[1]
     assert len(told) <= GENERATIONS
+    assert spent == MEMBERS * (1 + DRAWS * (len(told) - 1))
 
 
 def test_where_all_fail_it_is_said_and_the_start_kept():
-    free, said = promising_start(
+    free, spent, said = promising_start(
         task(lambda x: jnp.sum(x) * jnp.nan), jnp.asarray([1.0, 2.0]), 0
     )
     np.testing.assert_array_equal(free, [1.0, 2.0])
     assert f"and so do {DRAWS * GENERATIONS} others" in said
+    assert spent == MEMBERS * (1 + DRAWS * GENERATIONS)

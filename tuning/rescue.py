@@ -5,6 +5,7 @@ which way the gliders survive.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import jax.numpy as jnp
 
@@ -23,6 +24,20 @@ ENOUGH = 1.25
 lost."""
 
 
+class Found(NamedTuple):
+    """What the search came to.
+
+    Attributes:
+        free: the best free numbers.
+        rollouts: spent.
+        said: what was done, in words.
+    """
+
+    free: Series
+    rollouts: int
+    said: str
+
+
 def is_lost(objectives: Series, unit: float) -> bool:
     """Whether no start is worth a descent, by the objective of each."""
     return bool(jnp.min(objectives) >= LOST * unit)
@@ -33,7 +48,7 @@ def promising_start(
     free: Series,
     seed: int,
     tell: Callable[[str], None] = lambda text: None,
-) -> tuple[Series, str]:
+) -> Found:
     """Where to descend from instead of gains that lose the glider.
 
     CMA-ES on the training members, until few of them are lost.
@@ -43,9 +58,6 @@ def promising_start(
         free: the gains as given.
         seed: of the draws.
         tell: is told how far it is.
-
-    Returns:
-        The best free numbers found, and what was done, in words.
     """
     run = task.losses_on(task.training)
     members = size(task.training)
@@ -60,13 +72,18 @@ def promising_start(
         if step.loss < ENOUGH * task.unit:
             break
     given, best = found[0].loss, min(found, key=lambda step: step.loss)
+    spent = found[-1].rollouts
     if not best.loss < given:
-        return free, (
+        return Found(
+            free,
+            spent,
             f"the starting gains lose the glider (objective {given:.3g}), and so do "
-            f"{DRAWS * GENERATIONS} others around them; descending all the same."
+            f"{DRAWS * GENERATIONS} others around them; descending all the same.",
         )
-    return best.free, (
+    return Found(
+        best.free,
+        spent,
         f"the starting gains lose the glider (objective {given:.3g}): descending "
         f"from the best that {best.number} generations of a search came to "
-        f"({best.loss:.3g})."
+        f"({best.loss:.3g}).",
     )

@@ -6,6 +6,8 @@ import hashlib
 import json
 import sys
 import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -61,11 +63,11 @@ def tune(options: argparse.Namespace) -> int:
     progress.clear()
     for text in task.space.notes:
         note(text)
-    start, rescued = task.space.read(task.loop), ""
-    trust = "" if options.no_check else _trust(task, start, progress)
+    start = task.space.read(task.loop)
+    remarks: tuple[str, ...] = ()
     try:
         if options.method == "gradient":
-            chosen, history, interrupted, rescued = _gradient(
+            chosen, history, interrupted, remarks = _gradient(
                 options, task, start, settings, checkpoint, progress
             )
         else:
@@ -87,7 +89,7 @@ def tune(options: argparse.Namespace) -> int:
     judged = verdict(task, tuned)
     progress.clear()
     result = _result(options, task, tuned, history, judged)
-    result["notes"] = [text for text in (*task.space.notes, rescued, trust) if text]
+    result["notes"] = [*task.space.notes, *remarks]
     result["seconds"] = round(time.monotonic() - begun, 1)
     result["provenance"]["partial"] = interrupted
     _write(options.out, task, tuned, history, result)
@@ -103,9 +105,10 @@ def _gradient(
     settings: Settings,
     checkpoint: Checkpoint,
     progress: Progress,
-) -> tuple[Series, list[Step], bool, str]:
-    """Descend, from a better start if this one is lost, and say so in words."""
-    progress.show("compiling the gradient ...")
+) -> tuple[Series, list[Step], bool, tuple[str, ...]]:
+    """Descend, from a better start if this one is lost; and remarks for the user."""
+    check = None if options.no_check else _beside(_trust, task, start)
+    progress.show(f"compiling the gradient{', checking it' if check else ''} ...")
     descent = Descent(
         task.loss,
         task.training,
@@ -116,21 +119,35 @@ def _gradient(
         unit=task.unit,
         devices=jax.devices(),
     )
-    state, rescued = descent.start(start), ""
+    state, remarks = descent.start(start), []
+    if check is not None:
+        remarks.append(check.result())
     if not options.resume and is_lost(state.loss, task.unit):
-        start, rescued = promising_start(task, start, options.seed, progress.show)
-        progress.clear()
-        note(rescued)
+        start, _, text = promising_start(task, start, options.seed, progress.show)
+        remarks.append(text)
         state = descent.start(start)
-    return *_descend(descent, state, checkpoint, options.resume, progress), rescued
+    progress.clear()
+    for text in remarks:
+        note(text)
+    chosen, history, interrupted = _descend(
+        descent, state, checkpoint, options.resume, progress
+    )
+    return chosen, history, interrupted, tuple(remarks)
 
 
-def _trust(task: Task, start: Series, progress: Progress) -> str:
+def _beside(function: Callable[..., str], *args: Any) -> "Future[str]":
+    """Call in a thread of its own: what it compiles costs no time on a second core."""
+    pool = ThreadPoolExecutor(1)
+    future = pool.submit(function, *args)
+    pool.shutdown(wait=False)
+    return future
+
+
+def _trust(task: Task, start: Series) -> str:
     """Whether the derivative at the start is exact, and how far it foretells.
 
     On the beginning of the nominal case: differences of a long run are rounding.
     """
-    progress.show("checking the gradient ...")
     clock = task.loop.scenario.clock
     ticks = min(clock.ticks, round(CHECKED / float(clock.dt)))
     brief = eqx.tree_at(
@@ -145,11 +162,8 @@ def _trust(task: Task, start: Series, progress: Progress) -> str:
         steps=SHORT_STEPS,
         copies=1,
     )
-    progress.clear()
     seconds = ticks * float(clock.dt)
-    text = f"gradient over the nominal case's first {seconds:g} s: {report.verdict}."
-    note(text)
-    return text
+    return f"gradient over the nominal case's first {seconds:g} s: {report.verdict}."
 
 
 def fingerprint(options: argparse.Namespace) -> str:
