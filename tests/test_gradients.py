@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 
-from jaxglider import map_members, paper
+from jaxglider import RollAwareFxTPPC, map_members, paper
 from jaxglider.controllers import AbstractController, ControlRecord, tracking_error
 from jaxglider.gradient import value_and_gradient
 from jaxglider.metrics import finish
@@ -83,6 +83,9 @@ def proposed():
     @functools.cache
     def make(scenario, plant):
         loop = paper.make_loop(scenario, plant, duration=200.0)
+        if plant == "rigid-body":
+            aware = RollAwareFxTPPC(loop.controller, 0.01, 0.3, 1.0, 0.1)
+            loop = dataclasses.replace(loop, controller=aware)
         start, loss = _objective(loop, loop.scenario.sea(jax.random.key(0)))
         return loop, start, loss, jax.jit(jax.value_and_grad(loss))
 
@@ -153,7 +156,7 @@ def test_gradient_is_exact_where_the_error_starts_at_zero_and_at_the_funnel_edge
     controller, *_, at_start = ravel_pytree(_parts(loop))[1](
         jnp.arange(float(start.size))
     )
-    heading, k1 = int(at_start), int(controller.gains.heading.k1)
+    heading, k1 = int(at_start), int(controller.law.gains.heading.k1)
     bounds = loop.controller.bounds(jnp.asarray(0.0))
     edge = 0.95 * float(bounds.heading.value)
     on_edge = float(loop.scenario.reference.schedule.heading[0]) - edge
