@@ -1,11 +1,12 @@
 """How well heading could be steered: `python docs/heading_bound.py`, for heading.md.
 
-The paper's switching case on `rigid-body`, nominal glider and sea. To the mass angle
-that FxTPPC asks for with the gains that come along, an angle planned beforehand is
-added, one number every two seconds of the first two minutes after each new heading.
-These numbers are found by gradient descent through the rollout: what perfect knowledge
-of glider and sea could do, with no law to obey. Nothing is planned for the end of a
-segment, so that the plan cannot turn before it is told to. It writes heading_bound.png.
+The paper's switching case on `rigid-body`, nominal glider and sea: FxTPPC, and the same
+law made aware of the roll, both with the gains that come along. To the mass angle that
+the first asks for, an angle planned beforehand is added, one number every two seconds
+of the first two minutes after each new heading. These numbers are found by gradient
+descent through the rollout: what perfect knowledge of glider and sea could do, with no
+law to obey. Nothing is planned for the end of a segment, so that the plan cannot turn
+before it is told to. It writes heading_bound.png.
 """
 
 import argparse
@@ -34,6 +35,7 @@ from jaxglider.plotting._style import (
 )
 from jaxglider.plotting.files import save
 from jaxglider.trajectory import Trajectory
+from jaxglider.tuned import tuned_gains
 
 SEGMENT, PLANNED, EVERY = 200.0, 120.0, 2.0
 """Length of a segment, of its planned beginning, and between two planned angles [s]."""
@@ -41,7 +43,6 @@ MEMORY = 100.0
 """How long the gradient remembers [s]."""
 DEPTH, PITCH = 0.0199, 0.0314
 """L2[e] that the other channels may come to [m, rad]."""
-GAINS = Path(jaxglider.__file__).parent / "tuned" / "switching-rigid-body-fxtppc.toml"
 
 
 class Planned(AbstractController):
@@ -96,6 +97,14 @@ def cost(metrics: Metrics, roll: float) -> jax.Array:
     c = metrics.channels
     others = excess(c.depth.rms_error, DEPTH) + excess(c.pitch.rms_error, PITCH)
     return c.heading.rms_error + others + excess(metrics.max_roll, roll) ** 2
+
+
+def tuned(kind: str) -> ClosedLoop:
+    """A law with the gains that come along."""
+    scenario = paper.make_scenario("switching", "rigid-body")
+    model = paper.design_model(scenario.plant)
+    file = tuned_gains("switching", "rigid-body", kind)
+    return load_gains(file, "switching", model).on(scenario)
 
 
 def best_plan(loop: ClosedLoop, roll: float, steps: int) -> ClosedLoop:
@@ -174,11 +183,10 @@ def main() -> None:
     options = parser.parse_args()
     jaxglider.enable_fast_loops()
     jax.config.update("jax_enable_x64", True)
-    loop = paper.make_loop("switching", "rigid-body")
-    law = load_gains(GAINS, "switching", paper.design_model(loop.scenario.plant))
-    loop = law.on(loop.scenario)
+    loop = tuned("fxtppc")
     loops = {
-        "FxTPPC alone": loop,
+        "FxTPPC": loop,
+        "FxTPPC-roll": tuned(paper.ROLL_AWARE),
         "planned, upright": best_plan(loop, 1.5, options.steps),
         "planned, free to roll": best_plan(loop, 10.0, options.steps),
     }
