@@ -88,7 +88,9 @@ def encode(thing: eqx.Module, channel: str = "") -> dict[str, Any]:
     return table
 
 
-def decode(template: Any, table: Any, path: str, channel: str = "") -> Any:
+def decode(
+    template: Any, table: Any, path: str, channel: str = "", wanted: Any = object
+) -> Any:
     """A copy of the template with the numbers of a table.
 
     Args:
@@ -96,6 +98,7 @@ def decode(template: Any, table: Any, path: str, channel: str = "") -> Any:
         table: nested tables, as `encode` makes them.
         path: of the table in its file, for messages.
         channel: name of the enclosing channel.
+        wanted: type of the field it is for; a `type` of another kind is refused.
 
     Raises:
         ConfigError: unknown key, wrong type, or a value the class refuses.
@@ -105,6 +108,8 @@ def decode(template: Any, table: Any, path: str, channel: str = "") -> Any:
     rest = dict(table)
     kind = type(template)
     family = _family(template)
+    if isinstance(wanted, type):
+        family = {name: k for name, k in family.items() if issubclass(k, wanted)}
     if family and "type" in rest:
         kind = choice(rest.pop("type"), family, f"{path}.type")
     values = {}
@@ -125,7 +130,7 @@ def decode(template: Any, table: Any, path: str, channel: str = "") -> Any:
         if field.name in _NAMED:
             values[field.name] = choice(given, _NAMED[field.name], where)
         elif isinstance(old, eqx.Module):
-            values[field.name] = decode(old, given, where, field.name)
+            values[field.name] = decode(old, given, where, field.name, field.type)
         elif field.metadata.get("static", False):
             values[field.name] = whole_number(given, where)
         else:

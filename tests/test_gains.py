@@ -123,6 +123,12 @@ def test_a_partial_table_keeps_the_rest_of_the_template():
     assert eqx.tree_equal(back, template)
 
 
+def test_the_law_within_the_roll_aware_one_is_of_one_kind():
+    template = paper.make_controller(paper.ROLL_AWARE, "switching", MODEL)
+    with pytest.raises(ConfigError, match=r"controller\.law\.type .* one of fxtppc;"):
+        decode(template, {"law": {"type": "smc"}}, "controller")
+
+
 def test_an_empty_table_is_the_template():
     for name in LAWS:
         template = paper.make_controller(name, "switching", MODEL)
