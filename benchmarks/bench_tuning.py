@@ -132,7 +132,7 @@ def run_descent(descent: Descent, problem: Problem, seed: int) -> Run:
     first = float(state.loss[0])
     run.note(spent, time.perf_counter() - begun, first, problem.start)
     if is_lost(state.loss, problem.unit):
-        found = promising_start(problem.task, problem.start, seed)
+        found = promising_start(problem.task, problem.start, first, seed)
         state = seeded.start(found.free)
         spent += found.rollouts + cost
         now = float(state.loss[0])

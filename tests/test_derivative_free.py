@@ -165,6 +165,17 @@ def test_search_leaves_a_start_that_is_not_finite(name):
     assert 0.05 <= min(s.loss for s in steps) < 0.08
 
 
+def test_a_start_whose_loss_is_known_is_not_evaluated_and_changes_nothing_else():
+    losses, asked = record(valley)
+    plain = search("cma", losses)
+    fewer, again = record(valley)
+    known = search("cma", fewer, known=plain[0].loss)
+    assert len(again) == len(asked) - 1
+    for a, b in zip(plain, known, strict=True):
+        assert (a.loss, a.rollouts, a.number) == (b.loss, b.rollouts, b.number)
+        np.testing.assert_array_equal(a.free, b.free)
+
+
 def test_converged_cma_starts_again_from_its_best():
     """Constant beyond 1e-3 of the bottom: the strategy stops there at once."""
     flat = lambda rows: jnp.maximum(jnp.sum(rows**2, axis=1), 1e-6)

@@ -44,7 +44,7 @@ def test_a_start_that_fails_gives_way_to_a_better_one(start):
     """Gains far too high and far too low are both brought back."""
     told = []
     free, spent, said = promising_start(
-        task(island), jnp.asarray([start, 4.0]), 0, told.append
+        task(island), jnp.asarray([start, 4.0]), FAILED * UNIT, 0, told.append
     )
     assert float(island(free)) < ENOUGH * UNIT
     assert f"the starting gains lose the glider (objective {FAILED * UNIT:.3g})" in said
@@ -56,7 +56,7 @@ def test_a_start_that_fails_gives_way_to_a_better_one(start):
 
 def test_where_all_fail_it_is_said_and_the_start_kept():
     free, spent, said = promising_start(
-        task(lambda x: jnp.sum(x) * jnp.nan), jnp.asarray([1.0, 2.0]), 0
+        task(lambda x: jnp.sum(x) * jnp.nan), jnp.asarray([1.0, 2.0]), FAILED * UNIT, 0
     )
     np.testing.assert_array_equal(free, [1.0, 2.0])
     assert f"and so do {DRAWS * GENERATIONS} others" in said

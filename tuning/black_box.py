@@ -1,11 +1,14 @@
 """Black-box search on the free numbers and members of a tuning task."""
 
+from collections.abc import Callable, Iterator
+
 import jax.numpy as jnp
 import numpy as np
 
 from jaxglider._types import Series
 from tuning.batch import size
 from tuning.derivative_free import (
+    Generation,
     cma_es,
     default_population,
     random_search,
@@ -43,7 +46,11 @@ def black_box(
     members = size(task.training)
     budget = settings.steps * settings.gradient_cost(members, task.aggregate)
     population = population or default_population(int(start.shape[0]))
-    search = {"cma": cma_es, "random": random_search}[method](
+    methods: dict[str, Callable[..., Iterator[Generation]]] = {
+        "cma": cma_es,
+        "random": random_search,
+    }
+    search = methods[method](
         task.losses_on(task.training),
         start,
         budget,

@@ -95,6 +95,7 @@ def cma_es(
     seed: int,
     *,
     members: int = 1,
+    known: float | None = None,
 ) -> Iterator[Generation]:
     """The evolution strategy of Hansen with covariance matrix adaptation.
 
@@ -112,6 +113,7 @@ def cma_es(
         spread: first standard deviation of each free number.
         seed: of the draws.
         members: rollouts that one loss takes.
+        known: loss of the start, where it has been evaluated already.
 
     Yields:
         The start, then each generation.
@@ -129,7 +131,7 @@ def cma_es(
     _check(budget, members, spread, population=size, least=4)
     strategy = _strategy_maker(size, spread, seed)
     ledger = _Ledger(losses, start, size, members)
-    yield ledger.start(spread)
+    yield ledger.start(spread, known)
     search = strategy(ledger.best)
     while ledger.affords_generation(budget):
         rows, sigma = np.asarray(search.ask()), float(search.sigma)
@@ -160,13 +162,15 @@ class _Ledger:
         """Whether one more generation stays within a budget."""
         return self._rollouts + self._batch * self._members <= budget
 
-    def start(self, spread: float) -> Generation:
+    def start(self, spread: float, known: float | None = None) -> Generation:
         """The start as generation 0, charged as one loss.
 
-        It is repeated to a full batch, so that the losses are compiled for one shape.
+        Where its loss is not known, it is repeated to a full batch, so that the losses
+        are compiled for one shape.
         """
         rows = np.tile(self.best, (self._batch, 1))
-        return self._record(rows[:1], self._evaluate(rows)[:1], spread)
+        values = self._evaluate(rows) if known is None else np.array([known])
+        return self._record(rows[:1], values[:1], spread)
 
     def generation(self, rows: Any, spread: float) -> tuple[np.ndarray, Generation]:
         """The losses of the rows, infinite where not finite, and what came of them."""

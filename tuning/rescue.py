@@ -46,6 +46,7 @@ def is_lost(objectives: Series, unit: float) -> bool:
 def promising_start(
     task: Task,
     free: Series,
+    objective: float,
     seed: int,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Found:
@@ -56,6 +57,7 @@ def promising_start(
     Args:
         task: what to tune.
         free: the gains as given.
+        objective: theirs.
         seed: of the draws.
         tell: is told how far it is.
     """
@@ -63,7 +65,10 @@ def promising_start(
     members = size(task.training)
     budget = (1 + DRAWS * GENERATIONS) * members
     found = []
-    for step in cma_es(run, free, budget, DRAWS, SPREAD, seed, members=members):
+    search = cma_es(
+        run, free, budget, DRAWS, SPREAD, seed, members=members, known=objective
+    )
+    for step in search:
         found.append(step)
         tell(
             f"the starting gains lose the glider; searching: generation "

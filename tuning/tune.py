@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -34,8 +34,9 @@ from tuning.report import history_table, text_report, write_report
 from tuning.rescue import is_lost, promising_start
 from tuning.runs import check_writable, print_result
 from tuning.task import Task, build_task
-from tuning.verdict import verdict
+from tuning.verdict import Judge, verdict
 
+T = TypeVar("T")
 OK, RUN_FAILED, INTERRUPTED = 0, 1, 130
 CHECKED = 100.0
 """How much of a run the gradient is checked on first [s]."""
@@ -65,10 +66,14 @@ def tune(options: argparse.Namespace) -> int:
         note(text)
     start = task.space.read(task.loop)
     remarks: tuple[str, ...] = ()
+    judge, seen = Judge(task), None
     try:
         if options.method == "gradient":
-            chosen, history, interrupted, remarks = _gradient(
-                options, task, start, settings, checkpoint, progress
+            state, descent, remarks = _started(options, task, start, settings, progress)
+            # While it descends on one core, the other compiles what judges.
+            seen = _beside(judge, task.loop)
+            chosen, history, interrupted = _descend(
+                descent, state, checkpoint, options.resume, progress
             )
         else:
             progress.show("compiling the search ...")
@@ -86,7 +91,7 @@ def tune(options: argparse.Namespace) -> int:
     # By way of the host, off all devices but one: else judging would compile twice.
     tuned = task.space.write(task.loop, jnp.asarray(jax.device_get(chosen)))
     progress.show("judging on held-out members ...")
-    judged = verdict(task, tuned)
+    judged = verdict(task, tuned, judge, seen.result() if seen else None)
     progress.clear()
     result = _result(options, task, tuned, history, judged)
     result["notes"] = [*task.space.notes, *remarks]
@@ -98,15 +103,14 @@ def tune(options: argparse.Namespace) -> int:
     return INTERRUPTED if interrupted else OK
 
 
-def _gradient(
+def _started(
     options: argparse.Namespace,
     task: Task,
     start: Series,
     settings: Settings,
-    checkpoint: Checkpoint,
     progress: Progress,
-) -> tuple[Series, list[Step], bool, tuple[str, ...]]:
-    """Descend, from a better start if this one is lost; and remarks for the user."""
+) -> tuple[State, Descent, tuple[str, ...]]:
+    """A descent at its start, or at a better one if this is lost; and remarks."""
     check = None if options.no_check else _beside(_trust, task, start)
     progress.show(f"compiling the gradient{', checking it' if check else ''} ...")
     descent = Descent(
@@ -119,23 +123,21 @@ def _gradient(
         unit=task.unit,
         devices=jax.devices(),
     )
-    state, remarks = descent.start(start), []
-    if check is not None:
-        remarks.append(check.result())
+    state = descent.start(start)
+    remarks = [check.result()] if check else []
     if not options.resume and is_lost(state.loss, task.unit):
-        start, _, text = promising_start(task, start, options.seed, progress.show)
+        start, _, text = promising_start(
+            task, start, float(state.loss[0]), options.seed, progress.show
+        )
         remarks.append(text)
         state = descent.start(start)
     progress.clear()
     for text in remarks:
         note(text)
-    chosen, history, interrupted = _descend(
-        descent, state, checkpoint, options.resume, progress
-    )
-    return chosen, history, interrupted, tuple(remarks)
+    return state, descent, tuple(remarks)
 
 
-def _beside(function: Callable[..., str], *args: Any) -> "Future[str]":
+def _beside(function: Callable[..., T], *args: Any) -> "Future[T]":
     """Call in a thread of its own: what it compiles costs no time on a second core."""
     pool = ThreadPoolExecutor(1)
     future = pool.submit(function, *args)

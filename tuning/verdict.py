@@ -16,12 +16,37 @@ from tuning.task import Task
 MEASURES = {"rms_error": "L2[e]", "rms_effort": "L2[U]", "chattering": "L2[dU]"}
 
 
-def verdict(task: Task, tuned: ClosedLoop) -> dict[str, Any]:
-    """Before against after on the nominal case and on the held-out test members."""
-    run = task.on_members()
-    loops = {"before": task.loop, "after": tuned}
-    nominal = {name: run(at, nominal_member(task.loop)) for name, at in loops.items()}
-    held_out = {name: jax.device_get(run(at, task.test)) for name, at in loops.items()}
+class Judge:
+    """What a loop is worth on the nominal case and on the held-out test members."""
+
+    def __init__(self, task: Task) -> None:
+        self._task, self._run = task, task.on_members()
+
+    def __call__(self, loop: ClosedLoop) -> tuple[Metrics, Metrics]:
+        """Metrics of the nominal case alone, and of the test members; on the host."""
+        members = nominal_member(self._task.loop), self._task.test
+        nominal, held_out = (jax.device_get(self._run(loop, m)) for m in members)
+        return nominal, held_out
+
+
+def verdict(
+    task: Task,
+    tuned: ClosedLoop,
+    judge: Judge | None = None,
+    seen: tuple[Metrics, Metrics] | None = None,
+) -> dict[str, Any]:
+    """Before against after on the nominal case and on the held-out test members.
+
+    Args:
+        task: with the gains before.
+        tuned: the loop after.
+        judge: of the task, where it has been compiled already.
+        seen: what it says of the gains before, where it has been asked.
+    """
+    judge = judge or Judge(task)
+    found = {"before": seen or judge(task.loop), "after": judge(tuned)}
+    nominal = {name: both[0] for name, both in found.items()}
+    held_out = {name: both[1] for name, both in found.items()}
     waypoints = task.loop.scenario.reference.waypoints
     return {
         "nominal": {
