@@ -32,6 +32,7 @@ from search_runs import CMA, DESCENT, LOOKS, RANDOM, Run, draw, summary, table
 
 from jaxglider import map_members, paper
 from jaxglider.io import provenance
+from tuning.batch import size
 from tuning.derivative_free import (
     cma_es,
     default_population,
@@ -39,7 +40,7 @@ from tuning.derivative_free import (
 )
 from tuning.descent import Descent
 from tuning.descent_state import Settings
-from tuning.objective import Aggregate, scattered
+from tuning.objective import scattered
 from tuning.options import parser as tune_parser
 from tuning.rescue import is_lost, promising_start
 from tuning.sweep.statistics import plain
@@ -48,34 +49,16 @@ from tuning.task import Task, build_task
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
-    """What is tuned: `loss(free, member)`, the members, and the free numbers to start.
+    """What is tuned, from where, and the problem in words."""
 
-    Attributes:
-        loss: objective of free numbers and one member; pure.
-        guide: what is differentiated instead, of the same values.
-        members: pytree with one leading axis.
-        aggregate: of the members' objectives.
-        unit: what a run like the start costs.
-        start: free numbers.
-        names: of the numbers tuned.
-        about: the problem in words.
-        task: the same as the command line has it.
-    """
-
-    loss: Callable[[Any, Any], Any]
-    guide: Callable[[Any, Any], Any]
-    members: Any
-    aggregate: Aggregate
-    unit: float
-    start: Any
-    names: tuple[str, ...]
-    about: str
     task: Task
+    start: Any
+    about: str
 
     @property
     def size(self) -> int:
         """Number of members."""
-        return int(jax.tree.leaves(self.members)[0].shape[0])
+        return size(self.task.training)
 
 
 def make_problem(options: argparse.Namespace) -> Problem:
@@ -90,15 +73,9 @@ def make_problem(options: argparse.Namespace) -> Problem:
         words += ["--free", *options.paths]
     task = build_task(tune_parser().parse_args(words))
     return Problem(
-        task.loss,
-        task.guide,
-        task.training,
-        task.aggregate,
-        task.unit,
-        task.space.read(task.loop),
-        task.space.names,
-        f"{options.scenario} on {options.plant}, objective of `jaxglider tune`",
         task,
+        task.space.read(task.loop),
+        f"{options.scenario} on {options.plant}, objective of `jaxglider tune`",
     )
 
 
@@ -111,12 +88,13 @@ def make_losses(problem: Problem) -> Callable[[Any], Any]:
         lanes = (
             jnp.repeat(frees, problem.size, axis=0),
             jax.tree.map(
-                lambda x: jnp.tile(x, (count,) + (1,) * (x.ndim - 1)), problem.members
+                lambda x: jnp.tile(x, (count,) + (1,) * (x.ndim - 1)),
+                problem.task.training,
             ),
         )
-        costs = map_members(lambda lane: problem.loss(*lane), lanes)
+        costs = map_members(lambda lane: problem.task.loss(*lane), lanes)
         table = costs.reshape(count, problem.size)
-        return jax.vmap(lambda row: problem.aggregate(row)[0])(table)
+        return jax.vmap(lambda row: problem.task.aggregate(row)[0])(table)
 
     return losses
 
@@ -125,13 +103,13 @@ def run_descent(descent: Descent, problem: Problem, seed: int) -> Run:
     """Descend to the end of the steps, from a start that is found first if need be."""
     seeded = copy.copy(descent)
     seeded.settings = dataclasses.replace(descent.settings, seed=seed)
-    cost = descent.settings.gradient_cost(problem.size, problem.aggregate)
+    cost = descent.settings.gradient_cost(problem.size, problem.task.aggregate)
     run, begun = Run(), time.perf_counter()
     state = seeded.start(problem.start)
     spent = cost
     first = float(state.loss[0])
     run.note(spent, time.perf_counter() - begun, first, problem.start)
-    if is_lost(state.loss, problem.unit):
+    if is_lost(state.loss, problem.task.unit):
         found = promising_start(problem.task, problem.start, first, seed)
         state = seeded.start(found.free)
         spent += found.rollouts + cost
@@ -154,16 +132,16 @@ def run_search(steps: Iterator[Any]) -> Run:
 
 def compare(problem: Problem, options: argparse.Namespace) -> tuple[Any, Any]:
     """All runs by method, and the seconds to compile."""
-    population = options.population or default_population(len(problem.names))
+    population = options.population or default_population(problem.start.size)
     losses = make_losses(problem)
     descent = Descent(
-        problem.loss,
-        problem.members,
-        jax.tree.map(lambda x: x[:1], problem.members),
+        problem.task.loss,
+        problem.task.training,
+        jax.tree.map(lambda x: x[:1], problem.task.training),
         Settings(steps=options.steps, patience=options.steps, copies=options.copies),
-        problem.aggregate,
-        guide=problem.guide,
-        unit=problem.unit,
+        problem.task.aggregate,
+        guide=problem.task.guide,
+        unit=problem.task.unit,
     )
 
     def search(method: Any, spread: float, seed: int) -> Iterator[Any]:
@@ -252,7 +230,7 @@ def main() -> None:
     result = summary(runs, compile_s)
     about = provenance(
         problem=problem.about,
-        names=problem.names,
+        names=problem.task.space.names,
         members=problem.size,
         settings={k: v for k, v in vars(options).items() if k not in ("out", "json")},
     )
@@ -277,7 +255,7 @@ def main() -> None:
     machine = about["hardware"]
     print(
         f"{machine['processor']}, {machine['cores']} cores, float{options.precision}; "
-        f"{problem.about}; {problem.size} members, {len(problem.names)} numbers"
+        f"{problem.about}; {problem.size} members, {problem.start.size} numbers"
     )
     print(table(result, options.seeds))
 

@@ -22,8 +22,9 @@ from jaxglider.io import replacing, write_text
 from tuning.arguments import CONTROLLERS, PLANTS, SCENARIOS
 from tuning.cli import start_jax
 from tuning.options import parser as tune_parser
+from tuning.runs import LABELS
 from tuning.task import build_task
-from tuning.verdict import verdict
+from tuning.verdict import Judge, verdict
 
 STARTS = Path("benchmarks", "starts")
 PACKAGE = Path(__file__).parent.parent / "jaxglider" / "tuned"
@@ -32,7 +33,6 @@ PAPER_BEST = {
     "waypoints": {"depth": 0.1340, "pitch": 0.1516, "heading": 0.1574},
 }
 """L2[e] of the best average-tracking cell that the paper prints [m, rad, rad]."""
-LABELS = {"smc": "SMC", "ppc": "PPC", "fxtppc": "FxTPPC", "fxtppc-roll": "FxTPPC-roll"}
 CASES = {
     "-".join(case): case
     for case in itertools.product(SCENARIOS, PLANTS, CONTROLLERS)
@@ -112,7 +112,8 @@ def _judge(name: str) -> dict[str, Any]:
     (gains,) = task.case.resolve([str(PACKAGE / f"{name}.toml")], [controller])
     _, tuned = task.case.loop(gains)
     about = {"scenario": scenario, "plant": plant, "controller": controller}
-    return about | verdict(task, tuned)
+    judge = Judge(task)
+    return about | verdict(task, judge(task.loop), judge(tuned))
 
 
 def _table(results: list[dict[str, Any]]) -> str:

@@ -328,15 +328,13 @@ def test_the_roll_aware_law_is_the_papers_where_nothing_is_added(step):
     [
         ("roll_share", -0.1, "zero or positive"),
         ("roll_damping", -1.0, "zero or positive"),
-        ("largest_angle", 1.6, r"\(0, 1.5708\]"),
-        ("hedging", 1.1, r"\[0, 1\]"),
+        ("largest_angle", 1.6, r"in \(0, 1.5708\]"),
+        ("hedging", 1.1, r"in \[0, 1\]"),
     ],
 )
 def test_the_roll_aware_law_refuses_what_is_outside_its_sets(field, value, rule):
     aware = RollAwareFxTPPC(CONTROLLERS["fxtppc, paper's pairing"])
-    with pytest.raises(ValueError, match=f"RollAwareFxTPPC.{field} must be .*"):
-        dataclasses.replace(aware, **{field: value})
-    with pytest.raises(ValueError, match=rule):
+    with pytest.raises(ValueError, match=rf"RollAwareFxTPPC\.{field} must be {rule}"):
         dataclasses.replace(aware, **{field: value})
 
 

@@ -17,6 +17,11 @@ from tuning.descent_state import Settings, Step
 from tuning.progress import Progress, note
 from tuning.task import Task
 
+SEARCHES: dict[str, Callable[..., Iterator[Generation]]] = {
+    "cma": cma_es,
+    "random": random_search,
+}
+
 
 def black_box(
     method: str,
@@ -46,11 +51,7 @@ def black_box(
     members = size(task.training)
     budget = settings.steps * settings.gradient_cost(members, task.aggregate)
     population = population or default_population(int(start.shape[0]))
-    methods: dict[str, Callable[..., Iterator[Generation]]] = {
-        "cma": cma_es,
-        "random": random_search,
-    }
-    search = methods[method](
+    search = SEARCHES[method](
         task.losses_on(task.training),
         start,
         budget,
@@ -66,18 +67,7 @@ def black_box(
             free = jnp.asarray(found.free, start.dtype)
             validation = float(validate(free[None])[0])
             best = min((s.validation for s in history), default=np.inf)
-            better = validation < best
-            history.append(
-                Step(
-                    found.number,
-                    found.loss,
-                    validation,
-                    free,
-                    False,
-                    better,
-                    found.learning_rate,
-                )
-            )
+            history.append(_step(found, free, validation, better=validation < best))
             progress.show(
                 f"generation {found.number}  objective {found.loss:.4f}  "
                 f"validation {validation:.4f}  best {min(best, validation):.4f}  "
@@ -90,6 +80,19 @@ def black_box(
         note("interrupted; keeping the best gains so far.")
         return _best(history), history, True
     return _best(history), history, False
+
+
+def _step(found: Generation, free: Series, validation: float, *, better: bool) -> Step:
+    """A generation as a step of a descent."""
+    return Step(
+        found.number,
+        found.loss,
+        validation,
+        free,
+        False,
+        better,
+        found.learning_rate,
+    )
 
 
 def _best(history: list[Step]) -> Series:

@@ -34,7 +34,7 @@ from tuning.progress import Progress, note
 from tuning.tables import markdown_tables, text_table
 
 OK, RUN_FAILED, INTERRUPTED = 0, 1, 130
-_LABELS = {
+LABELS = {
     "smc": "SMC",
     "ppc": "PPC",
     "fxtppc": "FxTPPC",
@@ -243,7 +243,7 @@ def _write(out: Path, done: list[Done], result: dict[str, Any]) -> None:
 
 def _label(controller: str) -> str:
     kind, _, rest = controller.partition(" ")
-    return f"{_LABELS.get(kind, kind)} {rest}".strip()
+    return f"{LABELS.get(kind, kind)} {rest}".strip()
 
 
 def _file_name(text: str) -> str:

@@ -31,20 +31,17 @@ class Judge:
 
 def verdict(
     task: Task,
-    tuned: ClosedLoop,
-    judge: Judge | None = None,
-    seen: tuple[Metrics, Metrics] | None = None,
+    before: tuple[Metrics, Metrics],
+    after: tuple[Metrics, Metrics],
 ) -> dict[str, Any]:
     """Before against after on the nominal case and on the held-out test members.
 
     Args:
-        task: with the gains before.
-        tuned: the loop after.
-        judge: of the task, where it has been compiled already.
-        seen: what it says of the gains before, where it has been asked.
+        task: what was tuned.
+        before: what its `Judge` says of the gains before.
+        after: and of those after.
     """
-    judge = judge or Judge(task)
-    found = {"before": seen or judge(task.loop), "after": judge(tuned)}
+    found = {"before": before, "after": after}
     nominal = {name: both[0] for name, both in found.items()}
     held_out = {name: both[1] for name, both in found.items()}
     waypoints = task.loop.scenario.reference.waypoints

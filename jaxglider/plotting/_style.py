@@ -68,7 +68,7 @@ class Style(NamedTuple):
 
 _OWN = {
     "fxtppc": Style("#0072B2", "-"),
-    "fxtppc-roll": Style("#000000", (0, (1, 1))),
+    "fxtppc-roll": Style("#882255", (0, (1, 1))),
     "ppc": Style("#D55E00", (0, (5, 1.2))),
     "smc": Style("#009E73", (0, (5, 1.2, 1.2, 1.2))),
 }
@@ -76,6 +76,7 @@ _OTHERS = (
     Style("#CC79A7", (0, (2, 1))),
     Style("#E69F00", (0, (8, 1.5))),
     Style("#56B4E9", (0, (3, 1, 1, 1, 1, 1))),
+    Style("#000000", (0, (1, 1))),
 )
 
 
