@@ -19,7 +19,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from jaxglider import evaluate, map_members
-from jaxglider.rollout import sparse_checkpoints
+from jaxglider.simulation.rollout import sparse_checkpoints
 
 
 class Objective:

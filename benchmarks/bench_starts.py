@@ -15,8 +15,8 @@ from typing import Any
 import tomli_w
 
 from jaxglider import paper
-from jaxglider.gains import encode
-from jaxglider.io import write_text
+from jaxglider.files.codec import encode
+from jaxglider.files.writing import write_text
 
 CASES = {
     "k1, k2 times 0.1": ("switching", 0.1),

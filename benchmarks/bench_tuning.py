@@ -31,20 +31,15 @@ import numpy as np
 from search_runs import CMA, DESCENT, LOOKS, RANDOM, Run, draw, summary, table
 
 from jaxglider import map_members, paper
-from jaxglider.io import provenance
-from tuning.batch import size
-from tuning.derivative_free import (
-    cma_es,
-    default_population,
-    random_search,
-)
-from tuning.descent import Descent
-from tuning.descent_state import Settings
-from tuning.objective import scattered
-from tuning.options import parser as tune_parser
-from tuning.rescue import is_lost, promising_start
-from tuning.sweep.statistics import plain
-from tuning.task import Task, build_task
+from jaxglider.files.writing import provenance
+from tuning.cli.parser import parser as tune_parser
+from tuning.problem.lanes import size
+from tuning.problem.problem import Task, build_task
+from tuning.reporting.statistics import plain
+from tuning.search.descent import Descent, scattered
+from tuning.search.evolution import cma_es, default_population, random_search
+from tuning.search.rescue import is_lost, promising_start
+from tuning.search.settings import Settings
 
 
 @dataclasses.dataclass(frozen=True)

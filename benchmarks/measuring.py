@@ -33,7 +33,7 @@ from matplotlib.figure import Figure
 from peers.problem import draw_members as draw_members
 
 from jaxglider import map_members, paper
-from jaxglider.io import provenance, replacing
+from jaxglider.files.writing import provenance, replacing
 
 
 def arguments(description: str) -> argparse.ArgumentParser:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxglider.io import replacing
-from tuning.sweep.statistics import plain
+from jaxglider.files.writing import replacing
+from tuning.reporting.statistics import plain
 
 DESCENT, CMA, RANDOM = "descent", "CMA-ES", "random"
 LOOKS = {DESCENT: ("#0072B2", "-"), CMA: ("#D55E00", "--"), RANDOM: ("#009E73", ":")}

@@ -18,16 +18,16 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from jaxglider.io import replacing, write_text
-from tuning.arguments import CONTROLLERS, PLANTS, SCENARIOS
-from tuning.cli import start_jax
-from tuning.options import parser as tune_parser
-from tuning.runs import LABELS
-from tuning.task import build_task
-from tuning.verdict import Judge, verdict
+from jaxglider.files.writing import replacing, write_text
+from tuning.cli.options.arguments import CONTROLLERS, PLANTS, SCENARIOS
+from tuning.cli.parser import parser as tune_parser
+from tuning.cli.session.jax_setup import start_jax
+from tuning.evaluation.held_out import Judge, verdict
+from tuning.evaluation.runs import LABELS
+from tuning.problem.problem import build_task
 
 STARTS = Path("benchmarks", "starts")
-PACKAGE = Path(__file__).parent.parent / "jaxglider" / "tuned"
+PACKAGE = Path(__file__).parent.parent / "jaxglider" / "paper" / "tuned"
 PAPER_BEST = {
     "switching": {"depth": 0.0995, "pitch": 0.0449, "heading": 0.1966},
     "waypoints": {"depth": 0.1340, "pitch": 0.1516, "heading": 0.1574},
@@ -93,13 +93,19 @@ def _words(name: str, *, from_start: bool) -> tuple[str, ...]:
     return tuple(words)
 
 
+def _file(name: str) -> Path:
+    """The gains of a case in the package."""
+    scenario, plant, controller = CASES[name]
+    return PACKAGE / scenario / f"{plant}-{controller}.toml"
+
+
 def _tune(name: str, out: Path, more: list[str]) -> int:
     words = (*_words(name, from_start=True), "--steps", "200", *more, "--out", str(out))
     command = (sys.executable, "-m", "tuning", *words)
     sys.stderr.write(f"{name}\n")
     done = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
     if done.returncode == 0:
-        with replacing(PACKAGE / f"{name}.toml") as temporary:
+        with replacing(_file(name)) as temporary:
             temporary.write_bytes((out / "gains.toml").read_bytes())
     return done.returncode
 
@@ -109,7 +115,7 @@ def _judge(name: str) -> dict[str, Any]:
     scenario, plant, controller = CASES[name]
     sys.stderr.write(f"judging {name}\n")
     task = build_task(tune_parser().parse_args(_words(name, from_start=False)))
-    (gains,) = task.case.resolve([str(PACKAGE / f"{name}.toml")], [controller])
+    (gains,) = task.case.resolve([str(_file(name))], [controller])
     _, tuned = task.case.loop(gains)
     about = {"scenario": scenario, "plant": plant, "controller": controller}
     judge = Judge(task)

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider import load_vehicle, paper
-from jaxglider.integrate import RK4, runge_kutta_step
-from jaxglider.modes import zero_dynamics, zeros
-from jaxglider.plotting._style import (
+from jaxglider.core.runge_kutta import RK4, runge_kutta_step
+from jaxglider.plotting.save import save
+from jaxglider.plotting.style import (
     INK,
     PAGE,
     distinct_styles,
@@ -19,12 +19,12 @@ from jaxglider.plotting._style import (
     look,
     new_figure,
 )
-from jaxglider.plotting.files import save
 from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.signals import zeros as calm
-from jaxglider.vehicle.linear import STATES, linearise
+from jaxglider.trim.linear_model import STATES, linearise
+from jaxglider.trim.modes import zero_dynamics, zeros
+from jaxglider.trim.steady_motion import SteadyMotion, Target, steady_motion
 from jaxglider.vehicle.plant import AbstractPlant
-from jaxglider.vehicle.trim import SteadyMotion, Target, steady_motion
 
 POINTS = {"-45 deg, 0.141 m/s": (-45.0, 0.1 * math.sqrt(2.0)), "-35, 0.4": (-35.0, 0.4)}
 """The glide of the paper's first leg (depth rate 0.1 m/s), and a usual one."""

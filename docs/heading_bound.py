@@ -23,19 +23,19 @@ import optax
 
 import jaxglider
 from jaxglider import ClosedLoop, Command, evaluate, paper, simulate
-from jaxglider.controllers import AbstractController
-from jaxglider.gains import load_gains
-from jaxglider.metrics import Metrics
-from jaxglider.plotting._style import (
+from jaxglider.control import AbstractController
+from jaxglider.files.gains import load_gains
+from jaxglider.paper.tuned import tuned_gains
+from jaxglider.plotting.save import save
+from jaxglider.plotting.style import (
     PAGE,
     distinct_styles,
     legend_above,
     look,
     new_figure,
 )
-from jaxglider.plotting.files import save
-from jaxglider.trajectory import Trajectory
-from jaxglider.tuned import tuned_gains
+from jaxglider.simulation.metrics import Metrics
+from jaxglider.simulation.rollout import Trajectory
 
 SEGMENT, PLANNED, EVERY = 200.0, 120.0, 2.0
 """Length of a segment, of its planned beginning, and between two planned angles [s]."""

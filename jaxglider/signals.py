@@ -20,8 +20,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglider import frames
-from jaxglider._types import Container, Scalar, as_float
+from jaxglider.core import rotations as frames
+from jaxglider.core.containers import Container, Scalar, as_float
 
 T = TypeVar("T")
 C = TypeVar("C")

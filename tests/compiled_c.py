@@ -7,7 +7,7 @@ import subprocess
 import jax
 import numpy as np
 
-from jaxglider.export.c_code import STRICT, TEMPLATES
+from jaxglider.export.autopilot import STRICT, TEMPLATES
 
 COMPILER = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
 

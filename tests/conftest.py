@@ -31,8 +31,8 @@ jax.config.update(
 # Even a sum costs 40 ms to compile, and comes again in many tests.
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
-import tuning.cli
-from jaxglider.rollout import evaluate, simulate
+import tuning.cli.main
+from jaxglider.simulation.rollout import evaluate, simulate
 
 
 def pytest_collection_finish():
@@ -53,11 +53,11 @@ def call(capsys, tmp_path, monkeypatch):
     Returns its exit code, standard output and standard error.
     """
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(tuning.cli, "start_jax", lambda *args, **kwargs: None)
+    monkeypatch.setattr(tuning.cli.main, "start_jax", lambda *args, **kwargs: None)
 
     def run(*arguments):
         try:
-            code = tuning.cli.main([str(a) for a in arguments])
+            code = tuning.cli.main.main([str(a) for a in arguments])
         except SystemExit as stop:
             code = stop.code
         return code, *capsys.readouterr()
@@ -80,16 +80,16 @@ def sweep(tmp_path, monkeypatch, capsys):
     """Runs a sweep with toy rollouts; returns exit code, output and complaints."""
     from toy_campaign import Toy
 
-    import tuning.cli
-    import tuning.sweep.command
+    import tuning.cli.commands.sweep
+    import tuning.cli.main
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(tuning.cli, "start_jax", lambda *a, **k: None)
-    monkeypatch.setattr(tuning.sweep.command, "Engine", Toy)
+    monkeypatch.setattr(tuning.cli.main, "start_jax", lambda *a, **k: None)
+    monkeypatch.setattr(tuning.cli.commands.sweep, "Engine", Toy)
 
     def run(text):
         try:
-            code = tuning.cli.main(text.split())
+            code = tuning.cli.main.main(text.split())
         except SystemExit as stop:
             code = stop.code
         return code, *capsys.readouterr()

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from jaxglider import paper
-from jaxglider.autopilot import autopilot
 from jaxglider.export.plant import Afloat, drift, truth_of
 from jaxglider.export.vectors import replay
-from jaxglider.guard import BITS, STATUS, Guard, status_names
+from jaxglider.onboard.autopilot import autopilot
+from jaxglider.onboard.guard import BITS, STATUS, Guard, status_names
 from jaxglider.signals import BodyAxes, Command, GliderState, each, zeros
 from jaxglider.vehicle.actuators import Actuator
 

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 import tomli_w
 
-import tuning.tune
+import tuning.cli.commands.tune
 from jaxglider import paper
-from jaxglider.config import load_mission
-from jaxglider.disturbances import Sum
-from jaxglider.gains import encode_law, load_gains
-from jaxglider.io import metrics_dict
-from jaxglider.rollout import evaluate
-from jaxglider.vehicle.files import vehicle_text
-from tuning.case import Case
-from tuning.options import parser
-from tuning.sweep.settings import build, read_settings
-from tuning.task import build_task
+from jaxglider.environment.disturbances import Sum
+from jaxglider.files.gains import encode_law, load_gains
+from jaxglider.files.mission import load_mission
+from jaxglider.files.results import metrics_dict
+from jaxglider.simulation.rollout import evaluate
+from jaxglider.vehicle.published import vehicle_text
+from tuning.cli.parser import parser
+from tuning.problem.case import Case
+from tuning.problem.problem import build_task
+from tuning.sweep.run.campaign import build, read_settings
 
 COURSE = {
     "name": "bay",
@@ -102,7 +102,7 @@ def test_gains_of_a_mission_need_one(call):
 def test_guidance_tuned_for_a_mission_comes_back_with_its_gains(
     call, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(tuning.tune, "write_report", lambda *args: None)
+    monkeypatch.setattr(tuning.cli.commands.tune, "write_report", lambda *args: None)
     code, out, err = call(
         *("tune", "--config", "bay.toml", "--members", "1", "--method", "random"),
         *("--free", "scenario.reference.line_of_sight", "controller.c1"),
@@ -139,10 +139,10 @@ def test_guidance_tuned_for_a_mission_comes_back_with_its_gains(
 
 
 def test_going_on_with_another_vehicle_is_refused(tmp_path):
-    before = tuning.tune.fingerprint(_options("tune"))
-    assert before == tuning.tune.fingerprint(_options("tune"))
+    before = tuning.cli.commands.tune.fingerprint(_options("tune"))
+    assert before == tuning.cli.commands.tune.fingerprint(_options("tune"))
     (tmp_path / "own.toml").write_text(vehicle_text("seawing"))
-    assert before != tuning.tune.fingerprint(_options("tune"))
+    assert before != tuning.cli.commands.tune.fingerprint(_options("tune"))
 
 
 def test_going_on_with_another_cost_is_refused(tmp_path):
@@ -151,7 +151,7 @@ def test_going_on_with_another_cost_is_refused(tmp_path):
     digests = set()
     for text in ("f = max", "f = min", "f = min"):
         cost.write_text(text)
-        digests.add(tuning.tune.fingerprint(options))
+        digests.add(tuning.cli.commands.tune.fingerprint(options))
     assert len(digests) == 2
 
 

@@ -13,15 +13,17 @@ import netCDF4
 import numpy as np
 import pytest
 
-import tuning.cli
-import tuning.options
-import tuning.runs
-import tuning.tune
+import tuning.cli.commands.tune
+import tuning.cli.main
+import tuning.cli.parser
+import tuning.evaluation.runs
 from jaxglider import paper
-from jaxglider.config import TEMPLATE, load_uncertainty
-from jaxglider.gains import encode, load_gains
-from jaxglider.tuned import tuned_gains
-from tuning.cli import main
+from jaxglider.files.codec import encode
+from jaxglider.files.gains import load_gains
+from jaxglider.files.mission import TEMPLATE
+from jaxglider.files.uncertainty import load_uncertainty
+from jaxglider.paper.tuned import tuned_gains
+from tuning.cli.main import main
 
 # As long as the loops of test_metrics: their compiled program serves this one too.
 MISSION = """
@@ -48,8 +50,8 @@ MEASURES = {
 def at_home(tmp_path, monkeypatch):
     """In an empty folder, JAX as the tests have set it up, and no figures."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(tuning.cli, "start_jax", lambda *args, **kwargs: None)
-    monkeypatch.setattr(tuning.runs, "save_all", lambda *args: [])
+    monkeypatch.setattr(tuning.cli.main, "start_jax", lambda *args, **kwargs: None)
+    monkeypatch.setattr(tuning.evaluation.runs, "save_all", lambda *args: [])
     (tmp_path / "mission.toml").write_text(MISSION)
 
 
@@ -75,15 +77,15 @@ def _refused(answer, *parts):
 
 
 def test_names_on_the_command_line_are_those_of_the_package():
-    assert tuning.options.SCENARIOS == paper.SCENARIOS
-    assert tuple(paper.PLANTS) == tuning.options.PLANTS
-    assert (*paper.CONTROLLERS, paper.ROLL_AWARE) == tuning.options.CONTROLLERS
+    assert tuning.cli.parser.SCENARIOS == paper.SCENARIOS
+    assert tuple(paper.PLANTS) == tuning.cli.parser.PLANTS
+    assert (*paper.CONTROLLERS, paper.ROLL_AWARE) == tuning.cli.parser.CONTROLLERS
 
 
 def test_help_and_version_import_nothing_heavy(tmp_path):
     code = (
         "import sys\n"
-        "from tuning.cli import main\n"
+        "from tuning.cli.main import main\n"
         "for arguments in ['--help'], ['tune', '--help'], ['--version']:\n"
         "    try: main(arguments)\n"
         "    except SystemExit as stop: assert stop.code == 0\n"
@@ -270,7 +272,7 @@ def test_gains_of_the_package_are_compared_by_the_word(call, monkeypatch):
         entries.extend(given)
         return [], True
 
-    monkeypatch.setattr(tuning.runs, "run_all", remember)
+    monkeypatch.setattr(tuning.evaluation.runs, "run_all", remember)
     law = ("--controllers", "fxtppc")
     code, _, _ = call("compare", "--plant", "rigid-body", "--gains", "tuned", *law)
     assert code == 130
@@ -404,7 +406,7 @@ def test_a_failure_while_writing_leaves_the_old_results(call, tmp_path, monkeypa
     def full(*args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(tuning.runs, "write_trajectories", full)
+    monkeypatch.setattr(tuning.evaluation.runs, "write_trajectories", full)
     code, _, err = call("simulate", "--config", "mission.toml")
     assert code == 2
     assert "No space left on device" in err
@@ -412,7 +414,7 @@ def test_a_failure_while_writing_leaves_the_old_results(call, tmp_path, monkeypa
 
 
 def test_an_interruption_keeps_the_runs_that_are_finished(call, tmp_path, monkeypatch):
-    get, calls = tuning.runs.jax.device_get, []
+    get, calls = tuning.evaluation.runs.jax.device_get, []
 
     def interrupted(value):
         calls.append(value)
@@ -420,7 +422,7 @@ def test_an_interruption_keeps_the_runs_that_are_finished(call, tmp_path, monkey
             raise KeyboardInterrupt
         return get(value)
 
-    monkeypatch.setattr(tuning.runs.jax, "device_get", interrupted)
+    monkeypatch.setattr(tuning.evaluation.runs.jax, "device_get", interrupted)
     code, out, err = call("compare", "--controllers", "smc", "--json", "--out", "o")
     assert code == 130
     assert "interrupted; keeping 1 finished" in err
@@ -436,7 +438,7 @@ def test_an_interruption_before_the_first_run_writes_nothing(
     def interrupted(value):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(tuning.runs.jax, "device_get", interrupted)
+    monkeypatch.setattr(tuning.evaluation.runs.jax, "device_get", interrupted)
     code, out, err = call("simulate", "--config", "mission.toml", "--out", "o")
     assert (code, out) == (130, "")
     assert "nothing is written" in err
@@ -447,7 +449,7 @@ def test_running_out_of_memory_is_told_in_one_line(call, monkeypatch):
     def full(*args, **kwargs):
         raise RuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 8 bytes.\nx")
 
-    monkeypatch.setattr(tuning.runs, "run_all", full)
+    monkeypatch.setattr(tuning.evaluation.runs, "run_all", full)
     code, out, err = call("simulate", "--config", "mission.toml")
     assert (code, out) == (1, "")
     assert err.startswith("jaxglider: out of memory: shorten the run")
@@ -457,7 +459,7 @@ def test_running_out_of_memory_is_told_in_one_line(call, monkeypatch):
 def test_tuned_gains_are_written_and_compared_by_their_folder(
     call, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(tuning.tune, "write_report", lambda *args: None)
+    monkeypatch.setattr(tuning.cli.commands.tune, "write_report", lambda *args: None)
     # The law without an observer compiles fastest.
     code, out, err = call(
         *("tune", "--controller", "smc", "--plant", "printed", "--members", "1"),
@@ -524,11 +526,11 @@ def test_ctrl_c_keeps_finished_runs_and_exits_with_130(tmp_path):
     """The progress line of a terminal tells when the second run has begun."""
     screen, terminal = pty.openpty()
     code = (
-        "import signal, sys, tuning.cli, tuning.runs\n"
+        "import signal, sys, tuning.cli.main, tuning.evaluation.runs\n"
         # A shell that runs the tests in the background has them ignore the signal.
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "tuning.runs.save_all = lambda *args: []\n"
-        "sys.exit(tuning.cli.main())\n"
+        "tuning.evaluation.runs.save_all = lambda *args: []\n"
+        "sys.exit(tuning.cli.main.main())\n"
     )
     process = subprocess.Popen(
         [
@@ -560,15 +562,15 @@ def test_ctrl_c_keeps_finished_runs_and_exits_with_130(tmp_path):
 def test_ctrl_c_while_jax_compiles_is_no_crash(tmp_path):
     """What JAX had begun to compile crashed the interpreter as it was torn down."""
     code = (
-        "import os, signal, sys, threading, tuning.cli, tuning.runs\n"
+        "import os, signal, sys, threading, tuning.cli.main, tuning.evaluation.runs\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "run = tuning.runs.run_all\n"
+        "run = tuning.evaluation.runs.run_all\n"
         "def interrupted(*a, **k):\n"
         "    stop = os.getpid(), signal.SIGINT\n"
         "    threading.Timer(1.0, os.kill, stop).start()\n"
         "    return run(*a, **k)\n"
-        "tuning.runs.run_all = interrupted\n"
-        "sys.exit(tuning.cli.main())\n"
+        "tuning.evaluation.runs.run_all = interrupted\n"
+        "sys.exit(tuning.cli.main.main())\n"
     )
     done = subprocess.run(
         [

@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglider import _compile, enable_fast_loops
-from jaxglider._compile import apart
+from jaxglider import enable_fast_loops
+from jaxglider.core import compiler as _compile
+from jaxglider.core.compiler import apart
 
 
 @pytest.fixture(autouse=True)

@@ -13,20 +13,21 @@ import pytest
 import tomli_w
 
 from jaxglider import paper
-from jaxglider._toml import ConfigError
-from jaxglider.config import (
+from jaxglider.control import SMC, FxTPPC
+from jaxglider.control.observer import FixedTimeObserver, NoObserver
+from jaxglider.core.toml import ConfigError
+from jaxglider.environment.disturbances import GaussMarkov
+from jaxglider.files.codec import encode
+from jaxglider.files.gains import decode_gains, encode_law, load_gains
+from jaxglider.files.mission import (
     TEMPLATE,
     build_mission,
     load_mission,
     self_contained,
-    start_warnings,
 )
-from jaxglider.controllers import SMC, FxTPPC
-from jaxglider.disturbances import GaussMarkov
-from jaxglider.gains import decode_gains, encode, encode_law, load_gains
-from jaxglider.observer import FixedTimeObserver, NoObserver
-from jaxglider.references import LineOfSight, WaypointPath
-from jaxglider.vehicle.files import vehicle_text
+from jaxglider.guidance import LineOfSight, WaypointPath
+from jaxglider.simulation.start import start_warnings
+from jaxglider.vehicle.published import vehicle_text
 
 PLAIN = tomllib.loads(TEMPLATE())
 KEY = jax.random.key(0)

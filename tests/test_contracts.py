@@ -19,8 +19,15 @@ import numpy as np
 import pytest
 
 from jaxglider import paper
-from jaxglider.controllers import AbstractController
-from jaxglider.disturbances import (
+from jaxglider.control import AbstractController
+from jaxglider.control.observer import AbstractObserver, NoObserver
+from jaxglider.control.performance import (
+    AbstractPerformanceFunction,
+    ExponentialFunction,
+    HalfSechFunction,
+    SechFunction,
+)
+from jaxglider.environment.disturbances import (
     AbstractDisturbance,
     Calm,
     Constant,
@@ -30,14 +37,7 @@ from jaxglider.disturbances import (
     axes,
     same_on_all_axes,
 )
-from jaxglider.observer import AbstractObserver, NoObserver
-from jaxglider.performance import (
-    AbstractPerformanceFunction,
-    ExponentialFunction,
-    HalfSechFunction,
-    SechFunction,
-)
-from jaxglider.references import (
+from jaxglider.guidance import (
     AbstractReference,
     AttitudeSchedule,
     LineOfSight,
@@ -54,9 +54,9 @@ from jaxglider.signals import (
     zeros,
 )
 from jaxglider.vehicle.actuators import Actuator, Failure
-from jaxglider.vehicle.files import load_vehicle
 from jaxglider.vehicle.full_plant import full_plant
 from jaxglider.vehicle.plant import AbstractPlant, printed_plant, rigid_body_plant
+from jaxglider.vehicle.published import load_vehicle
 
 DT = 0.05
 PARAMETERS = load_vehicle("seawing").parameters

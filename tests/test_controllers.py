@@ -24,14 +24,11 @@ from jaxglider import (
     paper,
     simulate,
 )
-from jaxglider.controllers.fxtppc import (
-    paper_exponents,
-    reaching_law,
-    tian_exponents,
-)
-from jaxglider.controllers.roll_aware import RollAwareState
-from jaxglider.numerics import signed_powers
-from jaxglider.performance import HalfSechFunction, SechFunction
+from jaxglider.control.fxtppc import paper_exponents, reaching_law, tian_exponents
+from jaxglider.control.fxtppc_roll import RollAwareState
+from jaxglider.control.performance import HalfSechFunction, SechFunction
+from jaxglider.control.transform import ErrorTransformation
+from jaxglider.core.numerics import signed_powers
 from jaxglider.signals import (
     BodyAxes,
     Channels,
@@ -40,10 +37,9 @@ from jaxglider.signals import (
     Measurement,
     Reference,
 )
-from jaxglider.transform import ErrorTransformation
 from jaxglider.vehicle.design_model import DesignModel
-from jaxglider.vehicle.files import load_vehicle
 from jaxglider.vehicle.plant import printed_plant
+from jaxglider.vehicle.published import load_vehicle
 
 COUNT = 16
 PARAMETERS = load_vehicle("seawing").parameters

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tuning.derivative_free import cma_es, default_population, random_search
-from tuning.descent_state import Step
+from tuning.search.evolution import cma_es, default_population, random_search
+from tuning.search.settings import Step
 
 TURN = np.linalg.qr(np.random.default_rng(5).standard_normal((5, 5)))[0]
 BOTTOM = np.array([1.0, -2.0, 0.5, 3.0, -1.0])

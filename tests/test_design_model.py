@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_physics import MatrixGlider, array, columns, random_commands, random_states
 
-from jaxglider import frames
+from jaxglider.core import rotations as frames
 from jaxglider.signals import (
     BodyAxes,
     Channels,
@@ -18,9 +18,9 @@ from jaxglider.signals import (
     Measurement,
     output_rates,
 )
-from jaxglider.vehicle.actuation import PrintedActuation, RigidBodyActuation
 from jaxglider.vehicle.design_model import DesignModel, InputGain, _frame_acceleration
-from jaxglider.vehicle.files import load_vehicle
+from jaxglider.vehicle.moving_mass import PrintedActuation, RigidBodyActuation
+from jaxglider.vehicle.published import load_vehicle
 
 PARAMETERS = dataclasses.replace(
     load_vehicle("seawing").parameters, buoyancy_position=0.3

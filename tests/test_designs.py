@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from jaxglider.designs import LatinHypercube, MonteCarlo, SobolSequence
+from jaxglider.uncertainty.sampling import LatinHypercube, MonteCarlo, SobolSequence
 
 NAMES = ("drag", "lift_slope", "wave")
 DESIGNS = {

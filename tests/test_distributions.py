@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jaxglider.distributions import (
+from jaxglider.uncertainty.distributions import (
     LogNormal,
     Sometimes,
     TruncatedNormal,

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from jaxglider import paper
-from jaxglider.disturbances import (
+from jaxglider.core.batching import member_keys
+from jaxglider.environment.disturbances import (
     AbstractDisturbance,
     Calm,
     Constant,
@@ -18,7 +19,6 @@ from jaxglider.disturbances import (
     axes,
     same_on_all_axes,
 )
-from jaxglider.ensemble import member_keys
 from jaxglider.signals import BodyAxes
 
 KEY = jr.key(0)

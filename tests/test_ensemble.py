@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from jax import lax
 
-from jaxglider import ensemble
-from jaxglider.disturbances import GaussMarkov, same_on_all_axes
-from jaxglider.ensemble import map_members, member_keys
+from jaxglider.core import batching as ensemble
+from jaxglider.core.batching import map_members, member_keys
+from jaxglider.environment.disturbances import GaussMarkov, same_on_all_axes
 
 COUNT = 13
 

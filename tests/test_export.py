@@ -13,13 +13,13 @@ from compiled_c import Onboard, columns
 
 import jaxglider
 from jaxglider import paper
-from jaxglider.autopilot import autopilot
 from jaxglider.export import export_c
-from jaxglider.export.c_code import STRICT, TEMPLATES, autopilot_source
+from jaxglider.export.autopilot import STRICT, TEMPLATES, autopilot_source
 from jaxglider.export.columns import columns_text
 from jaxglider.export.plant import plant_source
 from jaxglider.export.vectors import broken, fly, replay, sea
-from jaxglider.guard import Guard, status_names
+from jaxglider.onboard.autopilot import autopilot
+from jaxglider.onboard.guard import Guard, status_names
 from jaxglider.signals import GliderState, zeros
 
 needs_compiler = pytest.mark.skipif(

@@ -10,12 +10,13 @@ import compiled_c
 import numpy as np
 import pytest
 
-import tuning.cli
-import tuning.runs
+import tuning.cli.main
+import tuning.evaluation.runs
 from jaxglider import paper
-from jaxglider.gains import encode, load_gains
-from jaxglider.pipe import Peer, PipeError
-from tuning.cli import main
+from jaxglider.files.codec import encode
+from jaxglider.files.gains import load_gains
+from jaxglider.onboard.pipe import Peer, PipeError
+from tuning.cli.main import main
 
 MISSION = """
 name = "bay"
@@ -43,8 +44,8 @@ needs_make = pytest.mark.skipif(
 @pytest.fixture(autouse=True)
 def at_home(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(tuning.cli, "start_jax", lambda precision: None)
-    monkeypatch.setattr(tuning.runs, "save_all", lambda *args: [])
+    monkeypatch.setattr(tuning.cli.main, "start_jax", lambda precision: None)
+    monkeypatch.setattr(tuning.evaluation.runs, "save_all", lambda *args: [])
     (tmp_path / "mission.toml").write_text(MISSION)
 
 
@@ -112,7 +113,7 @@ def program(tmp_path_factory):
     folder = tmp_path_factory.mktemp("exported")
     (folder / "mission.toml").write_text(MISSION)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tuning.cli, "start_jax", lambda precision: None)
+        patch.setattr(tuning.cli.main, "start_jax", lambda precision: None)
         given = ["export", "--config", str(folder / "mission.toml"), "--json"]
         assert main([*given, "--out", str(folder / "code")]) == 0
     done = subprocess.run(["make"], cwd=folder / "code", capture_output=True, text=True)
@@ -248,7 +249,7 @@ def test_the_program_refuses_another_tick_and_bad_lines(program):
 
 
 def test_nothing_of_the_command_line_needs_jax_to_answer_for_help():
-    code = "import sys\nfrom tuning.options import parser\nparser()\n"
+    code = "import sys\nfrom tuning.cli.parser import parser\nparser()\n"
     code += "assert not {'jax', 'numpy'} & set(sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jaxglider import frames
+from jaxglider.core import rotations as frames
 
 
 @jax.jit

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from jaxglider import GliderState, load_vehicle, paper
-from jaxglider._toml import ConfigError
-from jaxglider.config import build_mission
-from jaxglider.integrate import RK4, runge_kutta_step
+from jaxglider.core.runge_kutta import RK4, runge_kutta_step
+from jaxglider.core.toml import ConfigError
+from jaxglider.files.mission import build_mission
 from jaxglider.signals import BodyAxes, Command, zeros
-from jaxglider.vehicle.files import vehicle_text
 from jaxglider.vehicle.full_plant import full_plant
 from jaxglider.vehicle.hydrodynamics import (
     flow_frame_hydrodynamics,
     hydrodynamics,
 )
 from jaxglider.vehicle.plant import rigid_body_plant
+from jaxglider.vehicle.published import vehicle_text
 
 SEAWING = load_vehicle("seawing")
 # Numbers that are zero as published must count here too.

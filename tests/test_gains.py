@@ -11,11 +11,15 @@ import pytest
 import tomli_w
 
 from jaxglider import paper
-from jaxglider._toml import ConfigError
-from jaxglider.controllers.fxtppc import tian_exponents
-from jaxglider.gains import FAMILIES, decode, encode
-from jaxglider.observer import FixedTimeObserver, NoObserver
-from jaxglider.performance import ExponentialFunction, HalfSechFunction, SechFunction
+from jaxglider.control.fxtppc import tian_exponents
+from jaxglider.control.observer import FixedTimeObserver, NoObserver
+from jaxglider.control.performance import (
+    ExponentialFunction,
+    HalfSechFunction,
+    SechFunction,
+)
+from jaxglider.core.toml import ConfigError
+from jaxglider.files.codec import FAMILIES, decode, encode
 
 MODEL = paper.design_model(paper.make_scenario().plant)
 LAWS = (*paper.CONTROLLERS, paper.ROLL_AWARE)

@@ -9,12 +9,18 @@ import numpy as np
 import pytest
 
 from jaxglider import paper
-from jaxglider.metrics import empty_sums, finish
-from jaxglider.rollout import evaluate
 from jaxglider.signals import GliderState
-from tuning.gradient_check import SHORT_STEPS, STEPS, Kind, check_gradient, saturation
-from tuning.gradient_comparison import compare_horizons, compare_smoothing
-from tuning.gradient_text import (
+from jaxglider.simulation.metrics import empty_sums, finish
+from jaxglider.simulation.rollout import evaluate
+from tuning.gradient_check.check import (
+    SHORT_STEPS,
+    STEPS,
+    Kind,
+    check_gradient,
+    saturation,
+)
+from tuning.gradient_check.comparison import compare_horizons, compare_smoothing
+from tuning.gradient_check.text import (
     comparison_to_dict,
     render,
     render_comparison,

@@ -16,12 +16,13 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 from jaxglider import RollAwareFxTPPC, map_members, paper
-from jaxglider.controllers import AbstractController, ControlRecord, tracking_error
-from jaxglider.gradient import value_and_gradient
-from jaxglider.metrics import finish
-from jaxglider.observer import NoObserver
-from jaxglider.rollout import ClosedLoop, evaluate, sparse_checkpoints
+from jaxglider.control import AbstractController, ControlRecord, tracking_error
+from jaxglider.control.observer import NoObserver
+from jaxglider.core.differentiation import value_and_gradient
 from jaxglider.signals import BodyAxes, Channels, Command, each, zeros
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.metrics import finish
+from jaxglider.simulation.rollout import evaluate, sparse_checkpoints
 from jaxglider.vehicle.parameters import GliderParameters
 from jaxglider.vehicle.plant import AbstractPlant
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from jax import lax
 
-from jaxglider.integrate import EULER, MIDPOINT, RK4, runge_kutta_step
+from jaxglider.core.runge_kutta import EULER, MIDPOINT, RK4, runge_kutta_step
 from jaxglider.signals import GliderState
 
 TABLEAUX = [EULER, MIDPOINT, RK4]

@@ -13,14 +13,8 @@ import numpy as np
 import pytest
 
 from jaxglider import paper
-from jaxglider.io import (
-    metrics_dict,
-    provenance,
-    replacing,
-    write_json,
-    write_text,
-    write_trajectories,
-)
+from jaxglider.files.results import metrics_dict, write_trajectories
+from jaxglider.files.writing import provenance, replacing, write_json, write_text
 
 TICKS, SHORT, ENDED = 100, 60, 40
 STATES = {

@@ -10,22 +10,22 @@ import pytest
 from compiled_c import compile_library, numbers, structure
 from jax import lax
 
-from jaxglider.elementary import arctan, exp2, log2, sincos
-from jaxglider.export.block import Block, ExportError
-from jaxglider.export.c_source import (
+from jaxglider.control.observer import observer_root
+from jaxglider.control.performance import SechFunction
+from jaxglider.core.elementary import arctan, exp2, log2, sincos
+from jaxglider.core.numerics import select
+from jaxglider.core.rotations import attitude
+from jaxglider.export.c.block import Block, ExportError
+from jaxglider.export.c.fields import fields_of
+from jaxglider.export.c.outlined import Functions
+from jaxglider.export.c.source import (
     Argument,
     Structure,
     constants_text,
     helper_text,
     write_function,
 )
-from jaxglider.export.fields import fields_of
-from jaxglider.export.outlined import Functions
-from jaxglider.frames import attitude
-from jaxglider.numerics import select
-from jaxglider.observer import observer_root
-from jaxglider.paper import vertical_schedule
-from jaxglider.performance import SechFunction
+from jaxglider.paper.cases import vertical_schedule
 from jaxglider.signals import Channels
 
 needs_compiler = pytest.mark.skipif(

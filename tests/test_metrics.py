@@ -12,11 +12,11 @@ import pytest
 from test_physics import array
 
 from jaxglider import GliderState, paper
-from jaxglider._types import as_float
-from jaxglider.controllers.base import Limits
-from jaxglider.metrics import add_tick, empty_sums, finish
-from jaxglider.performance import unbounded
+from jaxglider.control.funnel import Limits
+from jaxglider.control.performance import unbounded
+from jaxglider.core.containers import as_float
 from jaxglider.signals import Channels, Command, zeros
+from jaxglider.simulation.metrics import add_tick, empty_sums, finish
 
 DURATION = 20.0
 COMMANDS = {

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglider import numerics
-from jaxglider.observer import FixedTimeObserver, observer_root
+from jaxglider.control.observer import FixedTimeObserver, observer_root
+from jaxglider.core import numerics
 
 DTYPES = [jnp.float32, jnp.float64]
 NEWTON_STEPS = next(

@@ -9,10 +9,10 @@ import pytest
 from test_physics import array, columns
 
 from jaxglider import paper
-from jaxglider.observer import FixedTimeObserver, NoObserver, ObserverState
+from jaxglider.control.observer import FixedTimeObserver, NoObserver, ObserverState
 from jaxglider.signals import BodyAxes, Command, GliderState, Measurement
-from jaxglider.vehicle.files import load_vehicle
 from jaxglider.vehicle.plant import printed_plant
+from jaxglider.vehicle.published import load_vehicle
 
 DT = 0.05
 STATE_NAMES = ("surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate")

@@ -5,8 +5,8 @@ import jax
 import numpy as np
 import pytest
 
-from jaxglider.vehicle.files import load_vehicle, vehicle_names
 from jaxglider.vehicle.parameters import UNCERTAIN, GliderParameters
+from jaxglider.vehicle.published import load_vehicle, vehicle_names
 
 # The paper's table of parameters; buoyancy position and gravity are not in it.
 PRINTED = {

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglider.performance import (
+from jaxglider.control.performance import (
     ExponentialFunction,
     HalfSechFunction,
     SechFunction,

@@ -11,13 +11,14 @@ from scipy.optimize import fsolve
 
 from jaxglider import Clock, GliderParameters, GliderState, load_vehicle, paper
 from jaxglider.signals import BodyAxes, Command
-from jaxglider.tick import TickPlan, integrate, with_start
-from jaxglider.vehicle.actuation import (
+from jaxglider.simulation.closed_loop import integrate
+from jaxglider.simulation.tick import TickPlan, with_start
+from jaxglider.vehicle.hydrodynamics import coriolis, hydrodynamics
+from jaxglider.vehicle.moving_mass import (
     PrintedActuation,
     RigidBodyActuation,
     restoring,
 )
-from jaxglider.vehicle.hydrodynamics import coriolis, hydrodynamics
 from jaxglider.vehicle.plant import printed_plant, rigid_body_plant
 
 PLANTS = {"printed": printed_plant, "rigid-body": rigid_body_plant}

@@ -16,14 +16,19 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from jaxglider import paper, plotting
-from jaxglider.controllers.base import Limits
-from jaxglider.metrics import empty_sums, finish
-from jaxglider.performance import ExponentialFunction, HalfSechFunction, SechFunction
-from jaxglider.plotting._series import MAX_POINTS, break_jumps, keep_extremes
-from jaxglider.plotting._style import look, styles
-from jaxglider.plotting.files import save
+from jaxglider.control.funnel import Limits
+from jaxglider.control.performance import (
+    ExponentialFunction,
+    HalfSechFunction,
+    SechFunction,
+)
+from jaxglider.plotting.save import save
+from jaxglider.plotting.series import MAX_POINTS, break_jumps, keep_extremes
+from jaxglider.plotting.style import look, styles
 from jaxglider.signals import BodyAxes, Channels, Command, GliderState, each
-from jaxglider.trajectory import TickRecord, Trajectory
+from jaxglider.simulation.metrics import empty_sums, finish
+from jaxglider.simulation.rollout import Trajectory
+from jaxglider.simulation.tick import TickRecord
 
 DT = 0.05
 

@@ -5,15 +5,16 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxglider import frames, numerics
-from jaxglider.observer import observer_root
-from jaxglider.performance import (
+from jaxglider.control.observer import observer_root
+from jaxglider.control.performance import (
     Bound,
     ExponentialFunction,
     HalfSechFunction,
     SechFunction,
 )
-from jaxglider.transform import ErrorTransformation
+from jaxglider.control.transform import ErrorTransformation
+from jaxglider.core import numerics
+from jaxglider.core import rotations as frames
 from jaxglider.vehicle.actuators import Actuator
 
 examples = settings(max_examples=60, deadline=None, derandomize=True)

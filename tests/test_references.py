@@ -11,7 +11,7 @@ from test_physics import MatrixGlider, array
 
 from jaxglider import AttitudeSchedule, LineOfSight, Schedule, WaypointPath, paper
 from jaxglider.signals import BodyAxes, Command, GliderState, Measurement
-from jaxglider.vehicle.files import load_vehicle
+from jaxglider.vehicle.published import load_vehicle
 
 DT = 0.05
 LOOKAHEAD, GAIN = 2.5, 0.01

@@ -11,8 +11,8 @@ import pytest
 from jax import lax
 
 from jaxglider import paper
-from jaxglider.metrics import finish
-from jaxglider.tick import with_start
+from jaxglider.simulation.metrics import finish
+from jaxglider.simulation.tick import with_start
 
 CHANNELS = ("depth", "pitch", "heading")
 FIGURES = {

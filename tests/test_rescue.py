@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tuning.batch import FAILED, losses
-from tuning.objective import UNIT, Aggregate
-from tuning.rescue import DRAWS, ENOUGH, GENERATIONS, is_lost, promising_start
+from tuning.problem.lanes import FAILED, losses
+from tuning.problem.objective import UNIT, Aggregate
+from tuning.search.rescue import DRAWS, ENOUGH, GENERATIONS, is_lost, promising_start
 
 MEMBERS = 3
 

@@ -12,10 +12,10 @@ from test_metrics import DURATION, LOOPS
 from test_physics import MatrixGlider, array
 
 from jaxglider import Clock, GaussMarkov, paper
-from jaxglider._types import as_float
-from jaxglider.disturbances import same_on_all_axes
-from jaxglider.rollout import evaluate, simulate
+from jaxglider.core.containers import as_float
+from jaxglider.environment.disturbances import same_on_all_axes
 from jaxglider.signals import GliderState
+from jaxglider.simulation.rollout import evaluate, simulate
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from jaxglider import paper
-from jaxglider._types import as_float
-from jaxglider.sensors import Sensor, realise_errors
+from jaxglider.core.containers import as_float
 from jaxglider.signals import Command
 from jaxglider.vehicle.actuators import NEVER, Actuator, Failure
+from jaxglider.vehicle.sensors import Sensor, realise_errors
 
 KEY = jr.key(3)
 STUCK, WEAK, SHARE = 4.0, 6.0, 0.4

@@ -14,11 +14,12 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from jaxglider import map_members, paper
-from jaxglider.performance import ExponentialFunction
-from jaxglider.references import LineOfSight
+from jaxglider.control.performance import ExponentialFunction
+from jaxglider.guidance import LineOfSight
 from jaxglider.signals import BodyAxes
-from tuning.bijections import Above, Below, Positive, bend, unbend
-from tuning.space import K1_BELOW_K2, OBSERVER_SET, Space, tunable_paths
+from tuning.space.bijections import Above, Below, Positive, bend, unbend
+from tuning.space.coordinates import tunable_paths
+from tuning.space.space import K1_BELOW_K2, OBSERVER_SET, Space
 
 CHANNELS = ("depth", "pitch", "heading")
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")

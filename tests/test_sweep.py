@@ -12,18 +12,18 @@ import pytest
 from scipy import stats
 from toy_campaign import RUN, Toy
 
-import tuning.sweep.command
-import tuning.sweep.report
-from jaxglider.rollout import simulate
-from jaxglider.uncertainty import with_member
-from tuning.gain_files import resolve
-from tuning.sweep.campaign import STEP, compute, draw
-from tuning.sweep.columns import CHANNELS, COLUMNS, Table, flatten, make_rows
-from tuning.sweep.drivers import rank_correlations
-from tuning.sweep.engine import Engine
-from tuning.sweep.ribbons import Ribbons, ribbons
-from tuning.sweep.settings import Settings, build
-from tuning.sweep.store import Store, StoreFull, read_manifest, read_rows
+import tuning.cli.commands.sweep
+import tuning.sweep.report.report
+from jaxglider.simulation.rollout import simulate
+from jaxglider.uncertainty.members import with_member
+from tuning.problem.gain_sets import resolve
+from tuning.sweep.analysis.rank_correlations import rank_correlations
+from tuning.sweep.analysis.ribbons import Ribbons, ribbons
+from tuning.sweep.run.campaign import Settings, build
+from tuning.sweep.run.engine import Engine
+from tuning.sweep.run.loop import STEP, compute, draw
+from tuning.sweep.run.rows import CHANNELS, COLUMNS, Table, flatten, make_rows
+from tuning.sweep.run.store import Store, StoreFull, read_manifest, read_rows
 
 SETTINGS = Settings(
     scenario="switching",
@@ -145,7 +145,7 @@ def test_shards_and_resumed_campaigns_have_the_rows_of_the_whole(
                 raise KeyboardInterrupt
             return super().run(members)
 
-    monkeypatch.setattr(tuning.sweep.command, "Engine", Interrupted)
+    monkeypatch.setattr(tuning.cli.commands.sweep, "Engine", Interrupted)
     code, _, err = sweep(RUN + "--members 1500 --out cut")
     assert code == 130
     assert "1024 members are safe" in err
@@ -156,7 +156,7 @@ def test_shards_and_resumed_campaigns_have_the_rows_of_the_whole(
     broken = bytearray(file.read_bytes() + whole[:100])
     broken[1000 * size + 40] ^= 1
     file.write_bytes(broken)
-    monkeypatch.setattr(tuning.sweep.command, "Engine", Toy)
+    monkeypatch.setattr(tuning.cli.commands.sweep, "Engine", Toy)
     code, _, err = sweep(RUN + "--members 1500 --out cut --resume")
     assert code == 0
     assert f"cut off {24 * size + 100} bytes" in err
@@ -173,7 +173,7 @@ def test_going_on_with_other_code_is_noticed(sweep, tmp_path, monkeypatch):
     half = whole[: len(whole) // 2]
     for engine, noticed in ((Toy, False), (Changed, True)):
         (tmp_path / "a/rows.bin").write_bytes(half)
-        monkeypatch.setattr(tuning.sweep.command, "Engine", engine)
+        monkeypatch.setattr(tuning.cli.commands.sweep, "Engine", engine)
         code, _, err = sweep(RUN + "--members 1500 --out a --resume")
         assert code == 0
         assert ("comes out differently" in err) == noticed
@@ -182,7 +182,7 @@ def test_going_on_with_other_code_is_noticed(sweep, tmp_path, monkeypatch):
 
 def test_a_finished_campaign_is_not_computed_again(sweep, tmp_path, monkeypatch):
     assert sweep(RUN + "--members 600 --out a")[0] == 0
-    monkeypatch.setattr(tuning.sweep.command, "Engine", None)
+    monkeypatch.setattr(tuning.cli.commands.sweep, "Engine", None)
     assert sweep(RUN + "--members 600 --out a --resume")[0] == 0
 
 
@@ -295,7 +295,7 @@ def test_the_report_answers_in_tables_and_figures(sweep, tmp_path, monkeypatch):
         {c: (-np.ones(4), np.ones(4)) for c in CHANNELS},
         {c: np.array([0.0, 1.0, np.nan, np.nan]) for c in CHANNELS},
     )
-    monkeypatch.setattr(tuning.sweep.report, "ribbons", lambda *a: seen)
+    monkeypatch.setattr(tuning.sweep.report.report, "ribbons", lambda *a: seen)
     code, out, _ = sweep(
         "sweep --precision 64 --plant printed --duration 2 --controller smc ppc "
         "--members 60 --uncertainty 0.1 0.3 --out a --require p_failure<1 --json"
@@ -374,7 +374,7 @@ def test_a_full_disk_ends_a_campaign_with_code_1(sweep, tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(tuning.sweep.command, "write_members", full)
+        patch.setattr(tuning.cli.commands.sweep, "write_members", full)
         code, _, err = sweep(RUN + "--members 1500 --out a --resume")
     assert code == 1
     assert "No space left on device); 1500 members are safe. Make room" in err

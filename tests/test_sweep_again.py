@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from toy_campaign import RUN
 
-import tuning.sweep.command
-import tuning.sweep.rerun
-from tuning.sweep.columns import COLUMNS, Table, checksums, make_rows
-from tuning.sweep.engine import Engine
-from tuning.sweep.store import read_manifest, read_rows
-from tuning.sweep.summary import ranked
+import tuning.cli.commands.rerun
+import tuning.cli.commands.sweep
+from tuning.sweep.analysis.summary import ranked
+from tuning.sweep.run.engine import Engine
+from tuning.sweep.run.rows import COLUMNS, Table, checksums, make_rows
+from tuning.sweep.run.store import read_manifest, read_rows
 
 
 @pytest.fixture
@@ -80,9 +80,9 @@ def test_a_member_run_again_is_the_campaigns_own_bit_for_bit(
     one = lambda loops, example, devices=None: small(
         loops, example, jax.local_devices()[:1]
     )
-    monkeypatch.setattr(tuning.sweep.command, "Engine", one)
-    monkeypatch.setattr(tuning.sweep.rerun, "Engine", one)
-    monkeypatch.setattr(tuning.sweep.rerun, "save_all", lambda *a: [])
+    monkeypatch.setattr(tuning.cli.commands.sweep, "Engine", one)
+    monkeypatch.setattr(tuning.cli.commands.rerun, "Engine", one)
+    monkeypatch.setattr(tuning.cli.commands.rerun, "save_all", lambda *a: [])
     assert sweep(RUN + "--members 6 --out a")[0] == 0
     summary = json.loads((tmp_path / "a/summary.json").read_text())
     worst = summary["controllers"]["smc"]["worst_member"]

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from toy_campaign import RUN
 
-import tuning.sweep.report
-import tuning.sweep.sensitivity
-from jaxglider.designs import SobolSequence
-from jaxglider.rollout import evaluate
-from jaxglider.uncertainty import with_member
-from tuning.gain_files import resolve
-from tuning.members import SENSITIVITY, SWEEP, keys_of
-from tuning.sweep.campaign import draw
-from tuning.sweep.gradients import gradient_scores
-from tuning.sweep.saltelli import Saltelli, indices
-from tuning.sweep.sensitivity import agreement
-from tuning.sweep.settings import Settings, build
+import tuning.sweep.analysis.sensitivity
+import tuning.sweep.report.report
+from jaxglider.simulation.rollout import evaluate
+from jaxglider.uncertainty.members import with_member
+from jaxglider.uncertainty.sampling import SobolSequence
+from tuning.problem.gain_sets import resolve
+from tuning.problem.members import SENSITIVITY, SWEEP, keys_of
+from tuning.sweep.analysis.derivatives import gradient_scores
+from tuning.sweep.analysis.sensitivity import agreement
+from tuning.sweep.analysis.sobol import Saltelli, indices
+from tuning.sweep.run.campaign import Settings, build
+from tuning.sweep.run.loop import draw
 
 
 def ishigami(u, a=7.0, b=0.1):
@@ -77,7 +77,7 @@ def test_blocks_change_one_factor_at_a_time():
     np.testing.assert_array_equal(design.rows(10, 9), whole[10:19])
     # A, B, four with A's noise, then A with B's noise.
     np.testing.assert_array_equal(
-        design.chances(7, 14), [2, 3, 2, 2, 2, 2, 3, 4, 5, 4, 4, 4, 4, 5]
+        design.key_numbers(7, 14), [2, 3, 2, 2, 2, 2, 3, 4, 5, 4, 4, 4, 4, 5]
     )
 
 
@@ -139,8 +139,10 @@ def test_gradient_scores_are_differences_of_the_rollout():
 
 
 def test_a_sweep_says_what_is_to_blame(sweep, tmp_path, monkeypatch):
-    monkeypatch.setattr(tuning.sweep.sensitivity, "gradient_scores", lambda *a: {})
-    monkeypatch.setattr(tuning.sweep.report, "ribbons", None)
+    monkeypatch.setattr(
+        tuning.sweep.analysis.sensitivity, "gradient_scores", lambda *a: {}
+    )
+    monkeypatch.setattr(tuning.sweep.report.report, "ribbons", None)
     code, out, _ = sweep(RUN + "--members 40 --sensitivity 16 --out a --json")
     assert code == 0
     found = json.loads(out)["controllers"]["smc"]["sensitivity"]

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tuning.sweep.columns import CHANNELS
-from tuning.sweep.drivers import rank_correlations
-from tuning.sweep.statistics import (
+from tuning.reporting.statistics import (
     clopper_pearson,
     cvar,
     discordant,
@@ -16,7 +14,9 @@ from tuning.sweep.statistics import (
     spread,
     student_half_width,
 )
-from tuning.sweep.summary import LINES, text_summary
+from tuning.sweep.analysis.rank_correlations import rank_correlations
+from tuning.sweep.analysis.summary import LINES, text_summary
+from tuning.sweep.run.rows import CHANNELS
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import pytest
 
 from jaxglider import paper
-from tuning.tables import CAVEAT, figure, markdown_tables, outcome, text_table
+from tuning.reporting.tables import CAVEAT, figure, markdown_tables, outcome, text_table
 
 ROWS = ("transient", "average_tracking", "average_effort", "chattering")
 CHANNELS = ("depth", "pitch", "heading")

@@ -10,18 +10,18 @@ import pytest
 from scipy.linalg import expm
 
 from jaxglider import load_vehicle, paper
-from jaxglider.modes import analyse, zero_dynamics, zeros
 from jaxglider.signals import BodyAxes, Command
 from jaxglider.signals import zeros as calm
-from jaxglider.vehicle.full_plant import full_plant
-from jaxglider.vehicle.glide import (
+from jaxglider.trim.linear_model import INPUTS, STATES, linearise
+from jaxglider.trim.modes import analyse, zero_dynamics, zeros
+from jaxglider.trim.steady_motion import SteadyMotion, Target, steady_motion
+from jaxglider.trim.straight_glide import (
     angle_of_attack,
     glide_limits,
     glide_polar,
     straight_glide,
 )
-from jaxglider.vehicle.linear import INPUTS, STATES, linearise
-from jaxglider.vehicle.trim import SteadyMotion, Target, steady_motion
+from jaxglider.vehicle.full_plant import full_plant
 
 VEHICLES = {name: load_vehicle(name) for name in ("seawing", "rogue", "slocum")}
 PLANTS = {name: full_plant(vehicle) for name, vehicle in VEHICLES.items()}

@@ -6,33 +6,25 @@ import numpy as np
 import pytest
 
 from jaxglider import paper
-from jaxglider.quantities import uniform_uncertainty
-from jaxglider.rollout import evaluate
-from tuning.batch import FAILED, counted
-from tuning.checkpoint import Checkpoint
-from tuning.descent import Descent
-from tuning.descent_state import Settings
-from tuning.members import (
+from jaxglider.simulation.rollout import evaluate
+from jaxglider.uncertainty.members import with_member
+from jaxglider.uncertainty.quantities import uniform_uncertainty
+from tuning.evaluation.held_out import paired
+from tuning.problem.lanes import FAILED, counted
+from tuning.problem.members import (
     SWEEP,
     TEST,
     TRAINING,
     VALIDATION,
     nominal_member,
     sample_members,
-    with_member,
 )
-from tuning.objective import (
-    CHANNELS,
-    UNIT,
-    Aggregate,
-    Objective,
-    Weights,
-    load_cost,
-    scattered,
-)
-from tuning.space import Space
-from tuning.task import DEFAULT_WEIGHTS
-from tuning.verdict import paired
+from tuning.problem.objective import CHANNELS, UNIT, Aggregate, Objective, Weights
+from tuning.problem.objective_file import DEFAULT_WEIGHTS, load_cost
+from tuning.search.checkpoint import Checkpoint
+from tuning.search.descent import Descent, scattered
+from tuning.search.settings import Settings
+from tuning.space.space import Space
 
 K1_AND_K2 = ("controller.gains.*.k1", "controller.gains.*.k2")
 ALONE = jnp.zeros((1, 1))

@@ -4,7 +4,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglider._types import Container, as_float, check_finite, check_interval, concrete
+from jaxglider.core.containers import (
+    Container,
+    as_float,
+    check_finite,
+    check_interval,
+    concrete,
+)
 
 
 class Pair(Container):

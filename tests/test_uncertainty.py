@@ -10,14 +10,20 @@ import numpy as np
 import pytest
 
 from jaxglider import paper
-from jaxglider._toml import ConfigError
-from jaxglider._uncertainty import TEMPLATE, build_uncertainty, load_uncertainty
-from jaxglider.designs import MonteCarlo
-from jaxglider.distributions import Uniform
-from jaxglider.disturbances import Constant, Sum, axes
-from jaxglider.ensemble import member_keys
-from jaxglider.quantities import relative, uniform_uncertainty
-from jaxglider.uncertainty import Group, Quantity, Uncertainty, look_up, with_member
+from jaxglider.core.batching import member_keys
+from jaxglider.core.toml import ConfigError
+from jaxglider.environment.disturbances import Constant, Sum, axes
+from jaxglider.files.uncertainty import TEMPLATE, build_uncertainty, load_uncertainty
+from jaxglider.uncertainty.distributions import Uniform
+from jaxglider.uncertainty.members import (
+    Group,
+    Quantity,
+    Uncertainty,
+    look_up,
+    with_member,
+)
+from jaxglider.uncertainty.quantities import relative, uniform_uncertainty
+from jaxglider.uncertainty.sampling import MonteCarlo
 from jaxglider.vehicle.actuators import NEVER
 from jaxglider.vehicle.parameters import UNCERTAIN
 

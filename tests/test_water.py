@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from jaxglider import Current, GliderState, Stratification, Water, load_vehicle, paper
-from jaxglider.config import build_mission
-from jaxglider.frames import attitude, ned_to_body, rotation_matrix
-from jaxglider.integrate import RK4, runge_kutta_step
+from jaxglider.core.rotations import attitude, ned_to_body, rotation_matrix
+from jaxglider.core.runge_kutta import RK4, runge_kutta_step
+from jaxglider.environment.water import derivative_in_water
+from jaxglider.files.mission import build_mission
 from jaxglider.signals import BodyAxes, Command, zeros
-from jaxglider.vehicle.water import derivative_in_water
 
 PLANTS = {name: make(load_vehicle("seawing")) for name, make in paper.PLANTS.items()}
 STATE = GliderState(5.0, -3.0, 40.0, 0.2, -0.6, 0.8, 0.4, 0.02, 0.03, 0.02, -0.01, 0.03)

@@ -16,9 +16,9 @@ import numpy as np
 from jax import lax
 
 from jaxglider import ClosedLoop, Metrics
-from jaxglider.metrics import add_tick, finish
-from jaxglider.rollout import Carry, TickInput
 from jaxglider.signals import BodyAxes, GliderState, Measurement, each
+from jaxglider.simulation.metrics import add_tick, finish
+from jaxglider.simulation.rollout import Carry, TickInput
 from jaxglider.vehicle.actuators import follow_all
 
 

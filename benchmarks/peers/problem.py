@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider import ClosedLoop, Metrics
-from jaxglider.designs import MonteCarlo
+from jaxglider.uncertainty.sampling import MonteCarlo
 from jaxglider.vehicle.parameters import UNCERTAIN
 
 SPREAD = 0.2

@@ -12,16 +12,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxglider.autopilot import Autopilot, autopilot
-from jaxglider.export.c_code import TEMPLATES, Source, autopilot_source
+from jaxglider.export.autopilot import TEMPLATES, Source, autopilot_source
 from jaxglider.export.columns import columns_text
 from jaxglider.export.cost import Cost, cost_of
 from jaxglider.export.plant import plant_source
 from jaxglider.export.readme import readme_text
 from jaxglider.export.vectors import Seen, broken, fly, replay, sea, window
-from jaxglider.guard import Guard
-from jaxglider.io import write_text
-from jaxglider.rollout import ClosedLoop
+from jaxglider.files.writing import write_text
+from jaxglider.onboard.autopilot import Autopilot, autopilot
+from jaxglider.onboard.guard import Guard
+from jaxglider.simulation.closed_loop import ClosedLoop
 
 VECTOR_TICKS = 1000
 CLOSED_LOOP = 800.0

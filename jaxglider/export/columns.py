@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
-from jaxglider.export.c_code import Source
-from jaxglider.export.c_source import Structure
-from jaxglider.export.fields import Field
+from jaxglider.export.autopilot import Source
+from jaxglider.export.c.fields import Field
+from jaxglider.export.c.source import Structure
 
 FLOAT_ALLOWANCES = {"COMMAND_FLOAT": 5e-2, "STATE_FLOAT": 2e-2}
 """What single precision may differ by; see the text of `parity.c`."""

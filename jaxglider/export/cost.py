@@ -23,8 +23,8 @@ import dataclasses
 from collections import Counter
 from collections.abc import Iterable
 
-from jaxglider.export.block import Statement
-from jaxglider.export.c_code import Source
+from jaxglider.export.autopilot import Source
+from jaxglider.export.c.block import Statement
 
 _CLASSES = {
     "additions": ("add", "sub", "neg", "abs"),

@@ -6,22 +6,22 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxglider._types import Scalar
-from jaxglider.export.c_code import (
+from jaxglider.core.containers import Scalar
+from jaxglider.environment.water import Water
+from jaxglider.export.autopilot import (
     CONSTANTS,
     Source,
     check_precision,
     header_text,
     source_text,
 )
-from jaxglider.export.c_source import Argument, Structure, write_function
-from jaxglider.export.outlined import Functions
-from jaxglider.rollout import ClosedLoop
+from jaxglider.export.c.outlined import Functions
+from jaxglider.export.c.source import Argument, Structure, write_function
 from jaxglider.signals import BodyAxes, Command, GliderState, zeros
-from jaxglider.tick import TickPlan, integrate, with_start
+from jaxglider.simulation.closed_loop import ClosedLoop, integrate
+from jaxglider.simulation.tick import TickPlan, with_start
 from jaxglider.vehicle.actuators import Actuator, follow_all
 from jaxglider.vehicle.plant import AbstractPlant
-from jaxglider.vehicle.water import Water
 
 
 class Truth(eqx.Module):

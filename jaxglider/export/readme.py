@@ -1,9 +1,9 @@
 """The README.md of an export."""
 
-from jaxglider.export.c_code import TEMPLATES
+from jaxglider.export.autopilot import TEMPLATES
 from jaxglider.export.columns import FLOAT_ALLOWANCES
 from jaxglider.export.cost import MEGAHERTZ, Cost
-from jaxglider.guard import BITS, STATUS
+from jaxglider.onboard.guard import BITS, STATUS
 
 
 def readme_text(

@@ -14,11 +14,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxglider._types import Scalar, Series
-from jaxglider.autopilot import Autopilot, AutopilotState
+from jaxglider.core.containers import Scalar, Series
 from jaxglider.export.plant import Afloat, drift, truth_of
-from jaxglider.rollout import ClosedLoop
+from jaxglider.onboard.autopilot import Autopilot, AutopilotState
 from jaxglider.signals import BodyAxes, Command, GliderState, each, zeros
+from jaxglider.simulation.closed_loop import ClosedLoop
 
 
 class Seen(eqx.Module):

@@ -9,12 +9,12 @@ are thinned for drawing, their extremes kept.
 from jaxglider.plotting.commands import commands as commands
 from jaxglider.plotting.comparison import errors as errors
 from jaxglider.plotting.comparison import tracking as tracking
-from jaxglider.plotting.files import figures as figures
-from jaxglider.plotting.files import save_all as save_all
 from jaxglider.plotting.path import path_3d as path_3d
 from jaxglider.plotting.path import path_plan as path_plan
 from jaxglider.plotting.performance import (
     performance_functions as performance_functions,
 )
+from jaxglider.plotting.save import figures as figures
+from jaxglider.plotting.save import save_all as save_all
 from jaxglider.plotting.vehicle import disturbance_estimate as disturbance_estimate
 from jaxglider.plotting.vehicle import vehicle_state as vehicle_state

@@ -6,18 +6,11 @@ from typing import Any
 import numpy as np
 from matplotlib.lines import Line2D
 
-from jaxglider.plotting._lines import UNITS, draw_runs, run_handles
-from jaxglider.plotting._series import active_ticks, curve, drawable, end_time
-from jaxglider.plotting._style import (
-    FAINT,
-    INK,
-    flat,
-    label_time,
-    legend_above,
-    styles,
-)
+from jaxglider.plotting.lines import UNITS, draw_runs, run_handles
+from jaxglider.plotting.series import active_ticks, curve, drawable, end_time
+from jaxglider.plotting.style import FAINT, INK, flat, label_time, legend_above, styles
 from jaxglider.signals import Command
-from jaxglider.trajectory import Trajectory
+from jaxglider.simulation.rollout import Trajectory
 from jaxglider.vehicle.actuators import Actuator
 
 _BEYOND = 1.15

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from jaxglider.plotting._lines import UNITS, choose_run, draw_runs, run_handles
-from jaxglider.plotting._series import (
+from jaxglider.plotting.lines import UNITS, choose_run, draw_runs, run_handles
+from jaxglider.plotting.series import (
     active_ticks,
     continuous_degrees,
     curve,
@@ -19,7 +19,7 @@ from jaxglider.plotting._series import (
     keep_extremes,
     wrapped_degrees,
 )
-from jaxglider.plotting._style import (
+from jaxglider.plotting.style import (
     FAINT,
     INK,
     SHADE,
@@ -30,7 +30,8 @@ from jaxglider.plotting._style import (
     off_scale,
     styles,
 )
-from jaxglider.trajectory import TickRecord, Trajectory
+from jaxglider.simulation.rollout import Trajectory
+from jaxglider.simulation.tick import TickRecord
 
 _TRACKED = {
     "depth": "depth Z (m)",

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxglider.modes import Analysis
-from jaxglider.plotting._style import (
+from jaxglider.plotting.save import save
+from jaxglider.plotting.style import (
     FAINT,
     INK,
     PAGE,
@@ -19,11 +19,11 @@ from jaxglider.plotting._style import (
     look,
     new_figure,
 )
-from jaxglider.plotting.files import save
-from jaxglider.vehicle.glide import glide_polar
+from jaxglider.trim.modes import Analysis
+from jaxglider.trim.steady_motion import SteadyMotion
+from jaxglider.trim.straight_glide import glide_polar
 from jaxglider.vehicle.parameters import VehicleData
 from jaxglider.vehicle.plant import AbstractPlant
-from jaxglider.vehicle.trim import SteadyMotion
 
 _INPUTS = (r"$m_b$", r"$r_{p1}$", r"$\gamma$")
 

@@ -9,11 +9,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
-from jaxglider.plotting._lines import run_handles
-from jaxglider.plotting._series import active_ticks, drawable, keep_extremes
-from jaxglider.plotting._style import FAINT, INK, Style, legend_above, styles
-from jaxglider.references import WaypointPath
-from jaxglider.trajectory import TickRecord, Trajectory
+from jaxglider.guidance import WaypointPath
+from jaxglider.plotting.lines import run_handles
+from jaxglider.plotting.series import active_ticks, drawable, keep_extremes
+from jaxglider.plotting.style import FAINT, INK, Style, legend_above, styles
+from jaxglider.simulation.rollout import Trajectory
+from jaxglider.simulation.tick import TickRecord
 
 _ROUND = np.linspace(0.0, 2.0 * np.pi, 73)
 _START: dict[str, Any] = {"marker": "o", "ms": 4, "ls": "none", "color": INK}

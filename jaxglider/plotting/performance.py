@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 
-from jaxglider.performance import AbstractPerformanceFunction
-from jaxglider.plotting._style import INK, distinct_styles, legend_above
+from jaxglider.control.performance import AbstractPerformanceFunction
+from jaxglider.plotting.style import INK, distinct_styles, legend_above
 
 _LONG_AGO = 1e9
 """A time [s] by which every finite-time performance function has settled."""

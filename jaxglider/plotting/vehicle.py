@@ -6,14 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from jaxglider.plotting._series import (
-    active_ticks,
-    curve,
-    degrees,
-    drawable,
-    end_time,
-)
-from jaxglider.plotting._style import (
+from jaxglider.plotting.series import active_ticks, curve, degrees, drawable, end_time
+from jaxglider.plotting.style import (
     INK,
     flat,
     in_words,
@@ -21,7 +15,8 @@ from jaxglider.plotting._style import (
     legend_above,
     off_scale,
 )
-from jaxglider.trajectory import TickRecord, Trajectory
+from jaxglider.simulation.rollout import Trajectory
+from jaxglider.simulation.tick import TickRecord
 
 STATE_PANELS = 15
 _BLUE = "#0072B2"

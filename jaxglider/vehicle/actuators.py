@@ -3,8 +3,8 @@
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxglider._types import Container, Scalar, as_float, check_interval
-from jaxglider.numerics import saturate
+from jaxglider.core.containers import Container, Scalar, as_float, check_interval
+from jaxglider.core.numerics import saturate
 from jaxglider.signals import Command, each
 
 NEVER = 1e9

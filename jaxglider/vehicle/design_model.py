@@ -9,12 +9,12 @@ Deviation: the control law prints d̂ where h d̂ is meant, d̂ having six compo
 
 import equinox as eqx
 
-from jaxglider._types import Scalar
-from jaxglider.frames import Attitude, euler_rates
-from jaxglider.numerics import solve_symmetric
+from jaxglider.core.containers import Scalar
+from jaxglider.core.numerics import solve_symmetric
+from jaxglider.core.rotations import Attitude, euler_rates
 from jaxglider.signals import BodyAxes, Channels, Command, GliderState, Measurement
-from jaxglider.vehicle.actuation import AbstractActuation
 from jaxglider.vehicle.hydrodynamics import coriolis, hydrodynamics
+from jaxglider.vehicle.moving_mass import AbstractActuation
 from jaxglider.vehicle.parameters import GliderParameters
 
 

@@ -14,15 +14,15 @@ out, as in the source; their new place counts from the tick on.
 
 import dataclasses
 
-from jaxglider import frames
-from jaxglider._types import Scalar
-from jaxglider.frames import Attitude
-from jaxglider.numerics import once, solve_symmetric
+from jaxglider.core import rotations as frames
+from jaxglider.core.containers import Scalar
+from jaxglider.core.numerics import once, solve_symmetric
+from jaxglider.core.rotations import Attitude
 from jaxglider.signals import BodyAxes, Command, GliderState
-from jaxglider.vehicle.actuation import BallastedActuation
 from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.hydrodynamics import flow_frame_hydrodynamics
-from jaxglider.vehicle.mass import MassMatrix, mass_matrix
+from jaxglider.vehicle.mass_matrix import MassMatrix, mass_matrix
+from jaxglider.vehicle.moving_mass import BallastedActuation
 from jaxglider.vehicle.parameters import BodyParameters, GliderParameters, VehicleData
 from jaxglider.vehicle.plant import AbstractPlant
 

@@ -10,9 +10,9 @@ coefficient, −K_M0 u v; the source has none, and it is dropped.
 
 import jax.numpy as jnp
 
-from jaxglider._types import Scalar
-from jaxglider.frames import direction
-from jaxglider.numerics import once
+from jaxglider.core.containers import Scalar
+from jaxglider.core.numerics import once
+from jaxglider.core.rotations import direction
 from jaxglider.signals import BodyAxes
 from jaxglider.vehicle.parameters import GliderParameters
 

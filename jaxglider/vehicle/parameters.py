@@ -9,7 +9,7 @@ from typing import Any
 
 import equinox as eqx
 
-from jaxglider._types import Container, Scalar, as_float, check_interval
+from jaxglider.core.containers import Container, Scalar, as_float, check_interval
 from jaxglider.signals import BodyAxes, Command
 
 _POSITIVE = (

@@ -8,17 +8,17 @@ from abc import abstractmethod
 
 import equinox as eqx
 
-from jaxglider import frames
-from jaxglider._types import Scalar
-from jaxglider.frames import Attitude
+from jaxglider.core import rotations as frames
+from jaxglider.core.containers import Scalar
+from jaxglider.core.rotations import Attitude
 from jaxglider.signals import BodyAxes, Command, GliderState
-from jaxglider.vehicle.actuation import (
+from jaxglider.vehicle.design_model import DesignModel
+from jaxglider.vehicle.hydrodynamics import coriolis, hydrodynamics
+from jaxglider.vehicle.moving_mass import (
     AbstractActuation,
     PrintedActuation,
     RigidBodyActuation,
 )
-from jaxglider.vehicle.design_model import DesignModel
-from jaxglider.vehicle.hydrodynamics import coriolis, hydrodynamics
 from jaxglider.vehicle.parameters import GliderParameters
 
 

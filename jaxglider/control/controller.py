@@ -1,0 +1,134 @@
+"""What every controller is: its gains, a state, and one pure step.
+
+A controller never sees the plant. It gets a measurement and asks its own design model
+for f, g and h. All three laws of the paper differ only in the output acceleration they
+demand; `allocate` turns that into a command, U = g⁻¹(demand − f − h d̂).
+"""
+
+from abc import abstractmethod
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxglider.control.funnel import Limits
+from jaxglider.control.performance import Bound, unbounded
+from jaxglider.core.containers import Container, Scalar, check_interval
+from jaxglider.core.numerics import once
+from jaxglider.core.rotations import wrap
+from jaxglider.signals import (
+    Channels,
+    Command,
+    Measurement,
+    Reference,
+    each,
+    output_rates,
+)
+from jaxglider.vehicle.design_model import DesignModel
+
+
+class ControlRecord(eqx.Module):
+    """What a controller reports of one tick; the same type for every controller.
+
+    Attributes:
+        error: e = η − η_d [m, rad], heading wrapped to [−π, π).
+        surface: the sliding variable of each channel.
+    """
+
+    error: Channels[Scalar]
+    surface: Channels[Scalar]
+
+
+class AbstractController(Container):
+    """A control law. Its array fields are its gains: what is tuned.
+
+    A law with a field `funnel` is judged by that funnel; one without has no bounds.
+    """
+
+    @abstractmethod
+    def init(self) -> Any:
+        """The controller's state before the first tick."""
+
+    @abstractmethod
+    def step(
+        self,
+        state: Any,
+        measurement: Measurement,
+        reference: Reference,
+        bounds: Channels[Bound],
+        dt: Scalar,
+    ) -> tuple[Command[Scalar], Any, ControlRecord]:
+        """One tick.
+
+        Args:
+            state: from `init` or the previous step.
+            measurement: all that may be known of the glider.
+            reference: what it should do.
+            bounds: this controller's `bounds` at the reference's clock; handed in
+                because they can often be computed for all ticks at once.
+            dt: tick [s].
+
+        Returns:
+            The wanted command, the next state, and what is merely reported.
+        """
+
+    def bounds(self, clock: Scalar) -> Channels[Bound]:
+        """P, P', P'' of the field `funnel` at t* [s]; infinite without such a field."""
+        funnel = getattr(self, "funnel", None)
+        if funnel is None:
+            return Channels(*(unbounded(clock),) * 3)
+        return funnel.bounds(clock)
+
+    def limits(self, bounds: Channels[Bound]) -> Channels[Limits]:
+        """The edges within which the errors should stay, −δ_L P and δ_R P."""
+        funnel = getattr(self, "funnel", None)
+        if funnel is None:
+            return each(lambda b: Limits(-b.value, b.value), bounds)
+        return funnel.limits(bounds)
+
+
+def tracking_error(
+    measurement: Measurement, reference: Reference
+) -> tuple[Channels[Scalar], Channels[Scalar]]:
+    """e = η − η_d and e' = η' − η_d'; the heading error is wrapped to [−π, π)."""
+    s, target = measurement.state, reference.position
+    error = Channels(
+        s.depth - target.depth, s.pitch - target.pitch, wrap(s.heading - target.heading)
+    )
+    rate = each(lambda a, b: a - b, output_rates(measurement), reference.rate)
+    return error, rate
+
+
+def allocate(
+    model: DesignModel,
+    measurement: Measurement,
+    demand: Channels[Scalar],
+    damping: Command[Scalar],
+) -> Command[Scalar]:
+    """U = g⁻¹(demand − f − h d̂), with g inverted by damped least squares.
+
+    Args:
+        model: what the designer believes.
+        measurement: carries d̂.
+        demand: wanted output acceleration η'' [m/s², rad/s²].
+        damping: added to the diagonal of gᵀg, one positive number per actuator.
+    """
+    push = each(lambda d, f: d - f, demand, model.drift(measurement))
+    push, gain = once((push, model.input_gain(measurement)))
+    return gain.solve(push, damping)
+
+
+def check_positive(owner: str, gains: dict[str, Any]) -> None:
+    """Refuse gains that are not positive, channel by channel.
+
+    Raises:
+        ValueError: names the gain.
+    """
+    for name, container in gains.items():
+        for channel, value in vars(container).items():
+            check_interval(owner, f"{name}.{channel}", value, low=0.0)
+
+
+def default_damping() -> Command[Scalar]:
+    """1e-4 for each actuator."""
+    return Command(*(jnp.asarray(1e-4, jnp.result_type(float)),) * 3)

@@ -1,0 +1,50 @@
+"""The funnel: how large an error may be, and the transformation that keeps it there."""
+
+import equinox as eqx
+
+from jaxglider.control.performance import AbstractPerformanceFunction, Bound
+from jaxglider.control.transform import ErrorTransformation, TransformedError
+from jaxglider.core.containers import Container, Scalar
+from jaxglider.signals import Channels, each
+
+
+class Limits(eqx.Module):
+    """The funnel's edges at one instant: −δ_L P and δ_R P, unit of the channel."""
+
+    lower: Scalar
+    upper: Scalar
+
+
+class Funnel(Container):
+    """Performance functions and error transformations of the three channels.
+
+    Attributes:
+        performance: P of each channel.
+        transformation: T of each channel.
+    """
+
+    performance: Channels[AbstractPerformanceFunction]
+    transformation: Channels[ErrorTransformation]
+
+    def bounds(self, clock: Scalar) -> Channels[Bound]:
+        """P, P', P'' of each channel at t* [s]."""
+        return each(lambda p: p(clock), self.performance)
+
+    def limits(self, bounds: Channels[Bound]) -> Channels[Limits]:
+        """−δ_L P and δ_R P of each channel."""
+        return each(
+            lambda b, t: Limits(-t.lower * b.value, t.upper * b.value),
+            bounds,
+            self.transformation,
+        )
+
+    def transform(
+        self,
+        error: Channels[Scalar],
+        rate: Channels[Scalar],
+        bounds: Channels[Bound],
+    ) -> Channels[TransformedError]:
+        """ε, ε', κ and λ of each channel."""
+        return each(
+            lambda t, e, e1, b: t(e, e1, b), self.transformation, error, rate, bounds
+        )

@@ -1,0 +1,177 @@
+"""Fixed-time prescribed performance control, the paper's proposal.
+
+With ε₁ = ε, ε₂ = ε' of each channel and s = ε₂ + ∫ A dt,
+
+A   = k₁ (sig^{a}(ε₁) + ε₁ + sig^{a'}(ε₁)) + k₂ (sig^{b}(ε₂) + ε₂ + sig^{b'}(ε₂)),
+u_s = (k₁ + k₂)(sig^{1+1/μ}(s) + s + sig^{1−1/μ}(s)),
+U   = g⁻¹(−κ/λ + η_d'' − f − h d̂ − (A + u_s)/λ).
+
+The exponents follow from ρ in one of two pairings; see `paper_exponents` and
+`tian_exponents`. Deviation from the print: d̂ enters as h d̂.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from jaxglider.control.controller import (
+    AbstractController,
+    ControlRecord,
+    allocate,
+    check_positive,
+    default_damping,
+    tracking_error,
+)
+from jaxglider.control.funnel import Funnel
+from jaxglider.control.performance import Bound
+from jaxglider.control.transform import TransformedError
+from jaxglider.core.containers import Container, Scalar, as_float, check_interval
+from jaxglider.core.numerics import modulus_powers, signed_powers
+from jaxglider.signals import Channels, Command, Measurement, Reference, each
+from jaxglider.vehicle.design_model import DesignModel
+
+Pair = tuple[Scalar, Scalar]
+
+
+def paper_exponents(rho: Scalar) -> tuple[Pair, Pair]:
+    """Exponents as the paper pairs them: for ε₁ and for ε₂.
+
+    ρ/(2−ρ), ρ with k₁; (4−3ρ)/(2−ρ), (4−3ρ)/(3−2ρ) with k₂.
+    """
+    over = 4.0 - 3.0 * rho
+    return (rho / (2.0 - rho), rho), (over / (2.0 - rho), over / (3.0 - 2.0 * rho))
+
+
+def tian_exponents(rho: Scalar) -> tuple[Pair, Pair]:
+    """Exponents as Tian, Zuo, Yan and Wang (Automatica 80, 2017) pair them.
+
+    ρ/(2−ρ), (4−3ρ)/(2−ρ) with k₁; ρ, (4−3ρ)/(3−2ρ) with k₂.
+    """
+    over = 4.0 - 3.0 * rho
+    return (rho / (2.0 - rho), over / (2.0 - rho)), (rho, over / (3.0 - 2.0 * rho))
+
+
+EXPONENTS: dict[str, Callable[[Scalar], tuple[Pair, Pair]]] = {
+    "paper": paper_exponents,
+    "tian": tian_exponents,
+}
+
+
+class ChannelGains(Container):
+    """Gains of the fixed-time law on one channel.
+
+    Attributes:
+        k1: k₁ > 0, on the transformed error.
+        k2: k₂ > 0, on its rate.
+        rho: ρ in (0, 1), sets the exponents of the sliding surface.
+        mu: μ > 1, sets the exponents 1 ± 1/μ of the reaching law.
+
+    Raises:
+        ValueError: a gain is outside its set.
+    """
+
+    k1: Scalar = eqx.field(converter=as_float)
+    k2: Scalar = eqx.field(converter=as_float)
+    rho: Scalar = eqx.field(converter=as_float, default=0.8)
+    mu: Scalar = eqx.field(converter=as_float, default=2.0)
+
+    def __check_init__(self) -> None:
+        check_interval("ChannelGains", "k1", self.k1, 0.0)
+        check_interval("ChannelGains", "k2", self.k2, 0.0)
+        check_interval("ChannelGains", "rho", self.rho, 0.0, 1.0)
+        check_interval("ChannelGains", "mu", self.mu, 1.0)
+
+    def settling_bound(self) -> Scalar:
+        """Bound on the settling time of s [s]: 2μ/min(k₁, k₂)."""
+        return 2.0 * self.mu / jnp.minimum(self.k1, self.k2)
+
+
+class FxTPPC(AbstractController):
+    """Fixed-time prescribed performance control.
+
+    Attributes:
+        model: what the designer believes.
+        funnel: performance functions and error transformations.
+        gains: k₁, k₂, ρ, μ of each channel.
+        damping: of the allocation, one per actuator.
+        smoothing: δ of the signed powers.
+        exponents: the pairing, `paper_exponents` or `tian_exponents`.
+
+    Raises:
+        ValueError: a gain is outside its set.
+    """
+
+    model: DesignModel
+    funnel: Funnel
+    gains: Channels[ChannelGains]
+    damping: Command[Scalar] = eqx.field(default_factory=default_damping)
+    smoothing: Scalar = eqx.field(converter=as_float, default=1e-3)
+    exponents: Callable[[Scalar], tuple[Pair, Pair]] = eqx.field(
+        static=True, default=paper_exponents
+    )
+
+    def __check_init__(self) -> None:
+        check_positive("FxTPPC", {"damping": self.damping})
+        check_interval("FxTPPC", "smoothing", self.smoothing, 0.0)
+
+    def init(self) -> Channels[Scalar]:
+        """The integral of the sliding surface, zero on each channel."""
+        zero = jnp.zeros_like(self.smoothing)
+        return Channels(zero, zero, zero)
+
+    def step(
+        self,
+        state: Channels[Scalar],
+        measurement: Measurement,
+        reference: Reference,
+        bounds: Channels[Bound],
+        dt: Scalar,
+    ) -> tuple[Command[Scalar], Channels[Scalar], ControlRecord]:
+        """One tick; the integral is updated after the command is computed."""
+        error, rate = tracking_error(measurement, reference)
+        transformed = self.funnel.transform(error, rate, bounds)
+        law = each(self._channel, self.gains, transformed, state)
+        demand = each(
+            lambda acceleration, t, c: (
+                acceleration - (t.offset + c.sliding + c.reaching) * t.gain_inverse
+            ),
+            reference.acceleration,
+            transformed,
+            law,
+        )
+        wanted = allocate(self.model, measurement, demand, self.damping)
+        following = each(lambda integral, c: integral + dt * c.sliding, state, law)
+        return wanted, following, ControlRecord(error, each(lambda c: c.surface, law))
+
+    def _channel(
+        self, gains: ChannelGains, transformed: TransformedError, integral: Scalar
+    ) -> "_ChannelLaw":
+        e1, e2 = transformed.value, transformed.rate
+        for_e1, for_e2 = self.exponents(gains.rho)
+        a, a_prime = signed_powers(e1, for_e1, self.smoothing)
+        b, b_prime = signed_powers(e2, for_e2, self.smoothing)
+        s = e2 + integral
+        return _ChannelLaw(
+            sliding=gains.k1 * (a + e1 + a_prime) + gains.k2 * (b + e2 + b_prime),
+            reaching=(gains.k1 + gains.k2) * reaching_law(s, gains.mu, self.smoothing),
+            surface=s,
+        )
+
+
+class _ChannelLaw(eqx.Module):
+    """A, u_s and s of one channel."""
+
+    sliding: jax.Array
+    reaching: jax.Array
+    surface: jax.Array
+
+
+def reaching_law(s: Scalar, mu: Scalar, smoothing: Scalar) -> Scalar:
+    """sig^{1+1/μ}(s) + s + sig^{1−1/μ}(s).
+
+    s' = −k times this settles within 2μ/k from anywhere.
+    """
+    (power,) = modulus_powers(s, (1.0 / mu,), smoothing)
+    return s * (power + 1.0 + 1.0 / power)

@@ -1,0 +1,145 @@
+"""The fixed-time law for gliders that roll under their moving mass.
+
+A glider whose mass obeys mechanics hangs below it, φ → γ, and its hull turns no faster
+than its tilted lift pulls it round. The paper's law knows neither: it asks for an angle
+that the actuator cannot hold, waits for a turn that does not come, and its integral
+runs on meanwhile. Here the mass angle that it asks for, γ_law, becomes
+
+γ_asked = γ_law + a φ,
+γ       = clip(γ_asked, ±γ_max) − b p,
+
+the mass carried along with the rolling hull, kept clear of the end of its turn, and the
+roll damped. What is not carried out is taken out of the integral of the surface,
+
+s = ε₂ + ∫ (A − η λ ν_h) dt,    ν_h = g (U_applied − U_asked),
+
+so that s sees only what the law itself is to blame for, whatever kept the command back:
+the clip, the damping, or an actuator's end, rate or lag.
+
+With a = b = η = 0 and γ_max beyond the actuator's end it is the paper's law.
+
+Source: the hedge is that of Johnson and Calise, "Pseudo-control hedging: a new method
+for adaptive control" (2000), on a sliding surface instead of a reference model.
+"""
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxglider.control.controller import (
+    AbstractController,
+    ControlRecord,
+    tracking_error,
+)
+from jaxglider.control.funnel import Funnel
+from jaxglider.control.fxtppc import FxTPPC
+from jaxglider.control.performance import Bound
+from jaxglider.core.containers import Scalar, as_float, check_interval
+from jaxglider.core.numerics import saturate
+from jaxglider.signals import Channels, Command, Measurement, Reference, each
+from jaxglider.vehicle.design_model import DesignModel
+
+
+class RollAwareState(eqx.Module):
+    """What is remembered from tick to tick.
+
+    Attributes:
+        integral: of the surface of each channel, the law's own state.
+        asked: U as it was asked for in the previous tick.
+    """
+
+    integral: Channels[Scalar]
+    asked: Command[Scalar]
+
+
+class RollAwareFxTPPC(AbstractController):
+    """Fixed-time prescribed performance control that knows of the roll.
+
+    Attributes:
+        law: the paper's law.
+        roll_share: a ≥ 0, share of the roll that the mass angle follows.
+        roll_damping: b ≥ 0, mass angle per roll rate [s].
+        largest_angle: γ_max in (0, π/2], where the wanted mass angle ends [rad].
+        hedging: η in [0, 1], share of what is not carried out that the integral of the
+            surface is spared.
+
+    Raises:
+        ValueError: a gain is outside its set.
+    """
+
+    law: FxTPPC
+    roll_share: Scalar = eqx.field(converter=as_float, default=0.1)
+    roll_damping: Scalar = eqx.field(
+        converter=as_float, default=1.0, metadata={"unit": "s"}
+    )
+    largest_angle: Scalar = eqx.field(
+        converter=as_float, default=1.4, metadata={"unit": "rad"}
+    )
+    hedging: Scalar = eqx.field(converter=as_float, default=0.7)
+
+    def __check_init__(self) -> None:
+        owner = "RollAwareFxTPPC"
+        if not isinstance(self.law, FxTPPC):
+            kind = type(self.law).__name__
+            raise ValueError(f"{owner}.law must be an FxTPPC; received a {kind}.")
+        for name in ("roll_share", "roll_damping"):
+            check_interval(owner, name, getattr(self, name), 0.0, closed_low=True)
+        check_interval(
+            owner,
+            "largest_angle",
+            self.largest_angle,
+            0.0,
+            math.pi / 2,
+            closed_high=True,
+        )
+        check_interval(
+            owner, "hedging", self.hedging, 0.0, 1.0, closed_low=True, closed_high=True
+        )
+
+    @property
+    def model(self) -> DesignModel:
+        """What the designer believes."""
+        return self.law.model
+
+    @property
+    def funnel(self) -> Funnel:
+        """The law's performance functions and error transformations."""
+        return self.law.funnel
+
+    def init(self) -> RollAwareState:
+        """The integral of the sliding surface, and no command yet."""
+        zero = jnp.zeros_like(self.hedging)
+        return RollAwareState(self.law.init(), Command(zero, zero, zero))
+
+    def step(
+        self,
+        state: RollAwareState,
+        measurement: Measurement,
+        reference: Reference,
+        bounds: Channels[Bound],
+        dt: Scalar,
+    ) -> tuple[Command[Scalar], RollAwareState, ControlRecord]:
+        """One tick of the law, from a hedged integral."""
+        error, rate = tracking_error(measurement, reference)
+        gains = each(lambda t: t.gain, self.funnel.transform(error, rate, bounds))
+        kept_back = each(jnp.subtract, measurement.applied, state.asked)
+        hedge = self.model.input_gain(measurement).response(kept_back)
+        integral = each(
+            lambda integral, slope, h: integral - dt * self.hedging * slope * h,
+            state.integral,
+            gains,
+            hedge,
+        )
+        wanted, integral, record = self.law.step(
+            integral, measurement, reference, bounds, dt
+        )
+        glider = measurement.state
+        angle = wanted.mass_angle + self.roll_share * glider.roll
+        asked = Command(wanted.buoyancy_mass, wanted.mass_position, angle)
+        steered = Command(
+            asked.buoyancy_mass,
+            asked.mass_position,
+            saturate(angle, self.largest_angle) - self.roll_damping * glider.roll_rate,
+        )
+        return steered, RollAwareState(integral, asked), record

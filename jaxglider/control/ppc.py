@@ -1,0 +1,88 @@
+"""Prescribed performance control, the paper's second baseline.
+
+q = ε' + l₀ ε,  U = g⁻¹(−κ/λ + η_d'' − f − h d̂ − l₁ q − l₂ tanh q),
+with l₁ = max(d/dt (1/λ), 0) + margin, so that d/dt (1/λ) − l₁ < 0.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxglider.control.controller import (
+    AbstractController,
+    ControlRecord,
+    allocate,
+    check_positive,
+    default_damping,
+    tracking_error,
+)
+from jaxglider.control.funnel import Funnel
+from jaxglider.control.performance import Bound
+from jaxglider.core.containers import Scalar
+from jaxglider.signals import Channels, Command, Measurement, Reference, each
+from jaxglider.vehicle.design_model import DesignModel
+
+
+class PPC(AbstractController):
+    """Prescribed performance control.
+
+    Attributes:
+        model: what the designer believes.
+        funnel: performance functions and error transformations.
+        l0: slope of the sliding surface [1/s].
+        l1_margin: by how much l₁ exceeds d/dt (1/λ), unit of the channel per second.
+        l2: switching gain [m/s² or rad/s²].
+        damping: of the allocation, one per actuator.
+
+    Raises:
+        ValueError: a gain is not positive.
+    """
+
+    model: DesignModel
+    funnel: Funnel
+    l0: Channels[Scalar]
+    l1_margin: Channels[Scalar]
+    l2: Channels[Scalar]
+    damping: Command[Scalar] = eqx.field(default_factory=default_damping)
+
+    def __check_init__(self) -> None:
+        check_positive(
+            "PPC",
+            {
+                "l0": self.l0,
+                "l1_margin": self.l1_margin,
+                "l2": self.l2,
+                "damping": self.damping,
+            },
+        )
+
+    def init(self) -> None:
+        """It has no memory."""
+        return None
+
+    def step(
+        self,
+        state: None,
+        measurement: Measurement,
+        reference: Reference,
+        bounds: Channels[Bound],
+        dt: Scalar,
+    ) -> tuple[Command[Scalar], None, ControlRecord]:
+        """One tick of the law."""
+        error, rate = tracking_error(measurement, reference)
+        transformed = self.funnel.transform(error, rate, bounds)
+        surface = each(lambda l0, t: t.rate + l0 * t.value, self.l0, transformed)
+        demand = each(
+            lambda acceleration, t, q, margin, l2: (
+                acceleration
+                - t.offset * t.gain_inverse
+                - (jnp.maximum(t.gain_inverse_rate, 0.0) + margin) * q
+                - l2 * jnp.tanh(q)
+            ),
+            reference.acceleration,
+            transformed,
+            surface,
+            self.l1_margin,
+            self.l2,
+        )
+        wanted = allocate(self.model, measurement, demand, self.damping)
+        return wanted, state, ControlRecord(error, surface)

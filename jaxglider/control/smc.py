@@ -1,0 +1,81 @@
+"""Sliding-mode control, the paper's first baseline.
+
+p = e' + c₀ e,  U = g⁻¹(−c₀ e' + η_d'' − f − h d̂ − c₁ p − c₂ tanh p).
+
+The paper runs it without observer; with one, its d̂ enters as in the other laws.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxglider.control.controller import (
+    AbstractController,
+    ControlRecord,
+    allocate,
+    check_positive,
+    default_damping,
+    tracking_error,
+)
+from jaxglider.control.funnel import Funnel
+from jaxglider.control.performance import Bound
+from jaxglider.core.containers import Scalar
+from jaxglider.signals import Channels, Command, Measurement, Reference, each
+from jaxglider.vehicle.design_model import DesignModel
+
+
+class SMC(AbstractController):
+    """Sliding-mode control with a hyperbolic tangent in place of the signum.
+
+    Attributes:
+        model: what the designer believes.
+        c0: slope of the sliding surface [1/s].
+        c1: linear reaching gain [1/s].
+        c2: switching gain [m/s² or rad/s²].
+        damping: of the allocation, one per actuator.
+        funnel: what its errors are judged against, or None; the law does not use it.
+
+    Raises:
+        ValueError: a gain is not positive.
+    """
+
+    model: DesignModel
+    c0: Channels[Scalar]
+    c1: Channels[Scalar]
+    c2: Channels[Scalar]
+    damping: Command[Scalar] = eqx.field(default_factory=default_damping)
+    funnel: Funnel | None = None
+
+    def __check_init__(self) -> None:
+        check_positive(
+            "SMC",
+            {"c0": self.c0, "c1": self.c1, "c2": self.c2, "damping": self.damping},
+        )
+
+    def init(self) -> None:
+        """It has no memory."""
+        return None
+
+    def step(
+        self,
+        state: None,
+        measurement: Measurement,
+        reference: Reference,
+        bounds: Channels[Bound],
+        dt: Scalar,
+    ) -> tuple[Command[Scalar], None, ControlRecord]:
+        """One tick of the law."""
+        error, rate = tracking_error(measurement, reference)
+        surface = each(lambda c0, e, e1: e1 + c0 * e, self.c0, error, rate)
+        demand = each(
+            lambda acceleration, c0, e1, c1, p, c2: (
+                acceleration - c0 * e1 - c1 * p - c2 * jnp.tanh(p)
+            ),
+            reference.acceleration,
+            self.c0,
+            rate,
+            self.c1,
+            surface,
+            self.c2,
+        )
+        wanted = allocate(self.model, measurement, demand, self.damping)
+        return wanted, state, ControlRecord(error, surface)

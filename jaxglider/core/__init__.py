@@ -1,0 +1,1 @@
+"""What knows no glider: arrays, files of settings, numerics, integrators, batches."""

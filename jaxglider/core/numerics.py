@@ -1,0 +1,156 @@
+"""Scalar mathematics with the singular points taken care of; knows no glider.
+
+Each function here owns one singular point of the theory, so that no formula elsewhere
+has to guard itself. Everything is elementwise on scalars: `vmap` turns it into lanes.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from jaxglider.core.containers import Counter, Scalar
+from jaxglider.core.elementary import arctan as arctan
+from jaxglider.core.elementary import exp2, log2
+from jaxglider.core.elementary import once as once
+from jaxglider.core.elementary import sincos as sincos
+
+
+@jax.custom_jvp
+def faded(x: Scalar, share: Scalar) -> Scalar:
+    """The same number, of whose derivative only a share goes on.
+
+    Once a tick on what a closed loop remembers, it makes the gradient of a long run
+    forget: see `rollout.evaluate`.
+    """
+    return x
+
+
+@faded.defjvp
+def _faded_jvp(
+    primals: tuple[Scalar, Scalar], tangents: tuple[Scalar, Scalar]
+) -> tuple[Scalar, Scalar]:
+    return primals[0], primals[1] * tangents[0]
+
+
+def modulus_powers(
+    x: Scalar, exponents: Sequence[Scalar], smoothing: Scalar
+) -> tuple[Scalar, ...]:
+    """Powers of the smoothed modulus, (x² + δ²)^(p/2) for several p, by one logarithm.
+
+    Args:
+        x: the base.
+        exponents: the powers p.
+        smoothing: δ > 0, in the unit of x.
+    """
+    log_modulus = 0.5 * log2(x * x + smoothing * smoothing)
+    return tuple(exp2(p * log_modulus) for p in exponents)
+
+
+def signed_powers(
+    x: Scalar, exponents: Sequence[Scalar], smoothing: Scalar
+) -> tuple[Scalar, ...]:
+    """Smoothed signed powers, sig^a_δ(x) = x (x² + δ²)^((a−1)/2), for several a.
+
+    The unsmoothed |x|^a sgn(x) has an infinite slope at zero for a < 1, and a control
+    loop crosses zero on every tick: its exact derivative is then useless. Away from
+    zero the two agree to (δ/x)²(a−1)/2.
+
+    Args:
+        x: the base.
+        exponents: the powers a, each at least zero.
+        smoothing: δ > 0, in the unit of x.
+
+    Returns:
+        One value for each exponent.
+    """
+    powers = modulus_powers(x, [a - 1.0 for a in exponents], smoothing)
+    return tuple(x * power for power in powers)
+
+
+def signed_power(x: Scalar, exponent: Scalar, smoothing: Scalar) -> Scalar:
+    """Smoothed signed power of one exponent; see `signed_powers`."""
+    return signed_powers(x, (exponent,), smoothing)[0]
+
+
+def saturate(x: Scalar, limit: Scalar) -> Scalar:
+    """Clip to [−limit, limit]; the slope is one inside and zero outside."""
+    return jnp.clip(x, -limit, limit)
+
+
+def select(index: Counter, values: Sequence[Scalar]) -> Scalar:
+    """values[index] for a traced index, the last value past the end.
+
+    A chain of elementwise selections: it vectorises over lanes, a gather does not.
+    """
+    chosen = values[-1]
+    for i in range(len(values) - 2, -1, -1):
+        chosen = jnp.where(index == i, values[i], chosen)
+    return chosen
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def implicit_root(
+    function: Callable[[Scalar, Any], tuple[Scalar, Scalar]],
+    root: Scalar,
+    target: Scalar,
+    parameters: Any,
+) -> Scalar:
+    """A root of function(y, parameters) = target, with its derivative.
+
+    The value is the root as it was found; the derivative is that of the exact root, by
+    the implicit function theorem, however it was found.
+
+    Args:
+        function: gives its value and its slope in y; the slope is not zero.
+        root: y; not differentiated.
+        target: right-hand side.
+        parameters: pytree of the function's other arguments.
+    """
+    return root
+
+
+@implicit_root.defjvp
+def _implicit_root_jvp(
+    function: Callable[[Scalar, Any], tuple[Scalar, Scalar]],
+    primals: tuple[Scalar, Scalar, Any],
+    tangents: tuple[Scalar, Scalar, Any],
+) -> tuple[Scalar, Scalar]:
+    root, _, parameters = primals
+    _, target_dot, parameters_dot = tangents
+    _, slope = function(root, parameters)
+    _, value_dot = jax.jvp(
+        lambda p: function(root, p)[0], (parameters,), (parameters_dot,)
+    )
+    return root, (target_dot - value_dot) / slope
+
+
+def solve_symmetric(
+    diagonal: tuple[Scalar, Scalar, Scalar],
+    off_diagonal: tuple[Scalar, Scalar, Scalar],
+    right: tuple[Scalar, Scalar, Scalar],
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Solve a symmetric positive definite 3×3 system in closed form (adjugate).
+
+    Args:
+        diagonal: a00, a11, a22.
+        off_diagonal: a01, a02, a12.
+        right: the right-hand side.
+
+    Returns:
+        The three unknowns.
+    """
+    a00, a11, a22 = diagonal
+    a01, a02, a12 = off_diagonal
+    b0, b1, b2 = right
+    c00, c01, c02 = a11 * a22 - a12 * a12, a12 * a02 - a01 * a22, a01 * a12 - a11 * a02
+    c11, c12, c22 = a00 * a22 - a02 * a02, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01
+    # Three divisions, not one reciprocal: each unknown is then computed once.
+    determinant = a00 * c00 + a01 * c01 + a02 * c02
+    return (
+        (c00 * b0 + c01 * b1 + c02 * b2) / determinant,
+        (c01 * b0 + c11 * b1 + c12 * b2) / determinant,
+        (c02 * b0 + c12 * b1 + c22 * b2) / determinant,
+    )

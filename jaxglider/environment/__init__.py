@@ -1,0 +1,1 @@
+"""The sea: disturbances, currents and density."""

@@ -1,0 +1,173 @@
+"""Water that moves and is not the same at every depth; optional, for every plant.
+
+The equations of motion hold for the velocity through the water, ν_r = ν − Rᵀ v_c, in a
+frame that drifts with it. Over ground,
+
+ν' = ν_r' − ω × Rᵀ v_c + Rᵀ v_c',   v_c' = ∂v_c/∂t + Z' ∂v_c/∂Z.
+
+Left out: the pressure that accelerates the water and would push on a net weight, a
+share m_b/m of v_c'. The heading and the velocity that controllers measure are over
+ground; what the current does is for the observer to find.
+
+Water that grows denser with depth lifts a glider; a hull that is squeezed sinks it. The
+displaced mass is m (1 + ε z)(1 − κ z) at z below neutral depth.
+"""
+
+import dataclasses
+import math
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from jaxglider.core import rotations as frames
+from jaxglider.core.containers import Container, Scalar, as_float, check_interval
+from jaxglider.core.numerics import sincos
+from jaxglider.signals import BodyAxes, Command, GliderState
+from jaxglider.vehicle.plant import AbstractPlant
+
+
+def _number(default: float = 0.0) -> Any:
+    return eqx.field(converter=as_float, default=default)
+
+
+class Current(Container):
+    """Horizontal velocity of the water: v₀ + s Z + a sin(2π t/T + φ₀), north and east.
+
+    Attributes:
+        north: at the surface [m/s].
+        east: likewise.
+        shear_north: its change with depth [1/s].
+        shear_east: likewise.
+        tide_north: amplitude of the part that comes and goes [m/s].
+        tide_east: likewise.
+        tide_period: T [s].
+        tide_phase: φ₀ [rad].
+
+    Raises:
+        ValueError: the period is not positive.
+    """
+
+    north: Scalar = _number()
+    east: Scalar = _number()
+    shear_north: Scalar = _number()
+    shear_east: Scalar = _number()
+    tide_north: Scalar = _number()
+    tide_east: Scalar = _number()
+    tide_period: Scalar = _number(44712.0)
+    tide_phase: Scalar = _number()
+
+    def __check_init__(self) -> None:
+        check_interval("Current", "tide_period", self.tide_period, 0.0)
+
+    def velocity(self, depth: Scalar, time: Scalar) -> tuple[Scalar, Scalar]:
+        """North and east [m/s] at a depth [m] and a time [s]."""
+        wave, _ = sincos(2.0 * math.pi * time / self.tide_period + self.tide_phase)
+        return (
+            self.north + self.shear_north * depth + self.tide_north * wave,
+            self.east + self.shear_east * depth + self.tide_east * wave,
+        )
+
+
+class Stratification(Container):
+    """What depth does to buoyancy.
+
+    Attributes:
+        displaced_mass: m [kg], of the water that the glider displaces.
+        density_gradient: ε [1/m], relative growth of the density with depth.
+        hull_compressibility: κ [1/m], relative loss of volume with depth.
+        neutral_depth: at which m_b = 0 is neutral [m].
+
+    Raises:
+        ValueError: the displaced mass is not positive.
+    """
+
+    displaced_mass: Scalar = eqx.field(converter=as_float)
+    density_gradient: Scalar = _number()
+    hull_compressibility: Scalar = _number()
+    neutral_depth: Scalar = _number()
+
+    def __check_init__(self) -> None:
+        check_interval("Stratification", "displaced_mass", self.displaced_mass, 0.0)
+
+    def excess_mass(self, depth: Scalar) -> Scalar:
+        """Mass that the glider is heavier at a depth [m] than at neutral depth [kg]."""
+        z = depth - self.neutral_depth
+        dense, squeezed = self.density_gradient * z, self.hull_compressibility * z
+        return self.displaced_mass * (squeezed - dense + dense * squeezed)
+
+
+class Water(Container):
+    """The water around a glider.
+
+    Attributes:
+        current: how it moves, or None if it rests.
+        stratification: what depth does to buoyancy, or None for nothing.
+    """
+
+    current: Current | None = None
+    stratification: Stratification | None = None
+
+
+def derivative_in_water(
+    plant: AbstractPlant,
+    water: Water,
+    state: GliderState,
+    command: Command[Scalar],
+    disturbance: BodyAxes[Scalar],
+    time: Scalar,
+) -> GliderState:
+    """Time derivative of the state over ground.
+
+    Args:
+        plant: the glider.
+        water: around it.
+        state: over ground.
+        command: what the actuators hold.
+        disturbance: τ_d, force [N] and moment [N m], body frame.
+        time: now [s].
+    """
+    a = state.attitude()
+    if water.stratification is not None:
+        excess = water.stratification.excess_mass(state.depth)
+        pull = plant.parameters.gravity * excess
+        zero = jnp.zeros_like(pull)
+        disturbance = disturbance + BodyAxes(
+            *frames.ned_to_body(a, zero, zero, pull), zero, zero, zero
+        )
+    if water.current is None:
+        return plant.derivative(state, command, disturbance)
+    return _drifting(plant, water.current, state, a, command, disturbance, time)
+
+
+def _drifting(
+    plant: AbstractPlant,
+    current: Current,
+    state: GliderState,
+    a: frames.Attitude,
+    command: Command[Scalar],
+    disturbance: BodyAxes[Scalar],
+    time: Scalar,
+) -> GliderState:
+    """The rates in the frame that drifts, and what they are over ground."""
+    _, _, sinking = frames.body_to_ned(a, state.surge, state.sway, state.heave)
+    (north, east), (north_rate, east_rate) = jax.jvp(
+        current.velocity, (state.depth, time), (sinking, jnp.ones_like(time))
+    )
+    zero = jnp.zeros_like(north)
+    x, y, z = frames.ned_to_body(a, north, east, zero)
+    ahead, aside, down = frames.ned_to_body(a, north_rate, east_rate, zero)
+    p, q, r = state.roll_rate, state.pitch_rate, state.yaw_rate
+    relative = dataclasses.replace(
+        state, surge=state.surge - x, sway=state.sway - y, heave=state.heave - z
+    )
+    rate = plant.derivative(relative, command, disturbance)
+    return dataclasses.replace(
+        rate,
+        north=rate.north + north,
+        east=rate.east + east,
+        surge=rate.surge + ahead - (q * z - r * y),
+        sway=rate.sway + aside - (r * x - p * z),
+        heave=rate.heave + down - (p * y - q * x),
+    )

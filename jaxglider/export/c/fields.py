@@ -1,0 +1,184 @@
+"""Pytrees as structures of C: a named field for each leaf, with what is known of it.
+
+The comment beside a field is the line of the class that owns it, unit and all.
+"""
+
+import dataclasses
+import inspect
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from jaxglider.export.c.block import C_TYPES, Number
+from jaxglider.export.c.outlined import kind_of
+from jaxglider.export.c.shapes import Array, whole
+from jaxglider.signals import BodyAxes, Channels, Command
+
+_EACH = (BodyAxes, Channels, Command)
+"""What a field of these is, the field that holds them says."""
+
+_RESERVED = frozenset(
+    [
+        "auto",
+        "break",
+        "case",
+        "char",
+        "const",
+        "continue",
+        "default",
+        "do",
+        "double",
+        "else",
+        "enum",
+        "extern",
+        "float",
+        "for",
+        "goto",
+        "if",
+        "inline",
+        "int",
+        "long",
+        "register",
+        "restrict",
+        "return",
+        "short",
+        "signed",
+        "sizeof",
+        "static",
+        "struct",
+        "switch",
+        "typedef",
+        "union",
+        "unsigned",
+        "void",
+        "volatile",
+        "while",
+        "bool",
+        "true",
+        "false",
+    ]
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Field:
+    """One leaf of a pytree.
+
+    Attributes:
+        name: of the field in C.
+        kind: of its scalars.
+        shape: of the leaf.
+        comment: what it is.
+    """
+
+    name: str
+    kind: str
+    shape: tuple[int, ...]
+    comment: str
+
+    @property
+    def size(self) -> int:
+        """How many scalars it has."""
+        return int(np.prod(self.shape, dtype=int))
+
+    def places(self, owner: str) -> list[str]:
+        """The C expression of each scalar, `owner` being what comes before the name."""
+        if not self.shape:
+            return [f"{owner}{self.name}"]
+        return [f"{owner}{self.name}[{n}]" for n in range(self.size)]
+
+    def declaration(self) -> str:
+        """The line of the structure."""
+        count = f"[{self.size}]" if self.shape else ""
+        comment = f" /* {self.comment} */" if self.comment else ""
+        return f"{C_TYPES[self.kind]} {self.name}{count};{comment}"
+
+    def numbers(self, owner: str, *, varies: bool) -> Array:
+        """Its scalars, as they stand in C."""
+        texts = self.places(owner)
+        return whole([Number(self.kind, t, varies) for t in texts], self.shape)
+
+
+def fields_of(tree: Any, hidden: Sequence[str] = ()) -> list[Field]:
+    """The fields of a pytree, in the order of its leaves.
+
+    Args:
+        tree: the pytree; shapes will do.
+        hidden: parts of it whose names are left out of the names of fields.
+
+    Raises:
+        ExportError: a leaf is of a type that C has not.
+    """
+    fields: list[Field] = []
+    taken: set[str] = set()
+    for path, leaf in jax.tree_util.tree_flatten_with_path(tree)[0]:
+        array = np.asarray(leaf) if not hasattr(leaf, "dtype") else leaf
+        name = _name([k for k in path if _key(k) not in hidden])
+        while name in taken:
+            name += "_"
+        taken.add(name)
+        comment = _comment(tree, path)
+        fields.append(Field(name, kind_of(array.dtype), tuple(array.shape), comment))
+    return fields
+
+
+def _name(path: Sequence[Any]) -> str:
+    """The path with underscores, a legal name in C."""
+    text = "_".join(_key(k) for k in path) or "value"
+    text = re.sub(r"\W", "_", text, flags=re.ASCII)
+    if text[0].isdigit() or text in _RESERVED:
+        text = f"x_{text}"
+    return text
+
+
+def _key(entry: Any) -> str:
+    for attribute in ("name", "key", "idx"):
+        if hasattr(entry, attribute):
+            return str(getattr(entry, attribute))
+    return str(entry)
+
+
+def _comment(tree: Any, path: Sequence[Any]) -> str:
+    """What the classes along a path say of it, the last one first."""
+    said = ""
+    here = tree
+    for entry in path:
+        key = _key(entry)
+        if isinstance(here, eqx.Module):
+            text = attributes(type(here)).get(key, "")
+            if text and not (said and isinstance(here, _EACH)):
+                said = text
+            elif said:
+                said = f"{said} ({key})"
+            here = getattr(here, key, None)
+        else:
+            said = f"{said} ({key})" if said else ""
+            try:
+                here = here[getattr(entry, "key", getattr(entry, "idx", None))]
+            except (TypeError, KeyError, IndexError):
+                here = None
+    return said.replace("*/", "* /")
+
+
+def attributes(kind: type) -> dict[str, str]:
+    """The section `Attributes:` of a class's docstring, name by name."""
+    text = inspect.cleandoc(kind.__doc__ or "")
+    _, found, section = text.partition("Attributes:\n")
+    if not found:
+        return {}
+    lines: dict[str, str] = {}
+    name = ""
+    for line in section.splitlines():
+        if line and not line.startswith(" "):
+            break
+        entry = re.match(r" {4}(\w+): (.*)", line)
+        if entry:
+            name = entry[1]
+            lines[name] = entry[2]
+        elif name and line.strip():
+            lines[name] += f" {line.strip()}"
+    return {k: v.rstrip(".") for k, v in lines.items()}

@@ -1,0 +1,67 @@
+"""The autopilot as StableHLO, for runtimes of XLA and MLIR."""
+
+import json
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import export
+
+from jaxglider.export.c.fields import Field, fields_of
+from jaxglider.onboard.autopilot import Autopilot
+from jaxglider.signals import GliderState, zeros
+
+
+def stablehlo(pilot: Autopilot) -> dict[str, str]:
+    """Three functions of scalars as text of MLIR, and what their arguments are.
+
+    Gains are constants in it. Arguments and results are in the order of the JSON file.
+
+    Args:
+        pilot: the autopilot.
+
+    Returns:
+        Texts by name of file.
+    """
+    state = jax.eval_shape(pilot.init)
+    time = jnp.zeros_like(pilot.dt)
+    measured = zeros(GliderState, pilot.dt)
+    planned = jax.eval_shape(pilot.plan, state, time)
+    functions: dict[str, tuple[Any, dict[str, Any], tuple[str, ...]]] = {
+        "init": (pilot.init, {}, ("state",)),
+        "plan": (pilot.plan, {"state": state, "time": time}, ("reference",)),
+        "step": (
+            pilot.step,
+            {"state": state, "time": time, "measured": measured, "reference": planned},
+            ("state", "command", "status"),
+        ),
+    }
+    texts, about = {}, {}
+    for name, (function, given, results) in functions.items():
+        leaves, form = jax.tree.flatten(tuple(given.values()))
+
+        def flat(*x: Any, function: Any = function, form: Any = form) -> list[Any]:
+            return jax.tree.leaves(function(*jax.tree.unflatten(form, x)))
+
+        shapes = [jax.ShapeDtypeStruct(x.shape, x.dtype) for x in leaves]
+        exported = export.export(jax.jit(flat, keep_unused=True))(*shapes)
+        texts[f"glider_{name}.mlir"] = exported.mlir_module()
+        made = jax.eval_shape(function, *given.values())
+        made = made if len(results) > 1 else (made,)
+        about[name] = {
+            "arguments": [n for k, tree in given.items() for n in _named(k, tree)],
+            "results": [
+                n
+                for k, tree in zip(results, made, strict=True)
+                for n in _named(k, tree)
+            ],
+        }
+    return {**texts, "arguments.json": json.dumps(about, indent=2) + "\n"}
+
+
+def _named(name: str, tree: Any) -> list[dict[str, str]]:
+    def entry(field: Field) -> dict[str, str]:
+        whole = name if field.name == "value" else f"{name}.{field.name}"
+        return {"name": whole, "kind": field.kind, "is": field.comment}
+
+    return [entry(f) for f in fields_of(tree)]

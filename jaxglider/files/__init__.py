@@ -1,0 +1,1 @@
+"""Missions, gains, uncertainty and results on disk."""

@@ -1,0 +1,157 @@
+"""Modules to nested tables of plain numbers and back."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+
+from jaxglider.control import PPC, SMC, AbstractController, FxTPPC, RollAwareFxTPPC
+from jaxglider.control.fxtppc import EXPONENTS
+from jaxglider.control.observer import AbstractObserver, FixedTimeObserver, NoObserver
+from jaxglider.control.performance import (
+    AbstractPerformanceFunction,
+    ExponentialFunction,
+    HalfSechFunction,
+    SechFunction,
+)
+from jaxglider.core.toml import (
+    ConfigError,
+    choice,
+    number,
+    refuse_unknown,
+    whole_number,
+)
+
+FAMILIES: dict[type, dict[str, type]] = {
+    AbstractController: {
+        "smc": SMC,
+        "ppc": PPC,
+        "fxtppc": FxTPPC,
+        "fxtppc-roll": RollAwareFxTPPC,
+    },
+    AbstractObserver: {"none": NoObserver, "fixed-time": FixedTimeObserver},
+    AbstractPerformanceFunction: {
+        "sech": SechFunction,
+        "exponential": ExponentialFunction,
+        "ppc": HalfSechFunction,
+    },
+}
+"""Names of the members of each family, as they stand under `type`."""
+
+
+_NAMED: dict[str, dict[str, Callable[..., Any]]] = {"exponents": EXPONENTS}
+
+
+_LEFT_OUT = ("model",)
+
+
+_CHANNEL_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
+
+
+def encode(thing: eqx.Module, channel: str = "") -> dict[str, Any]:
+    """A controller, an observer or a part of one as nested tables of plain numbers.
+
+    Args:
+        thing: what to encode; its design model is left out.
+        channel: name of the enclosing channel, which some units depend on.
+    """
+    table: dict[str, Any] = {}
+    family = _family(thing)
+    if family:
+        table["type"] = _name_in(family, type(thing))
+    for field in _fields(thing):
+        value = getattr(thing, field.name)
+        if value is None:
+            continue
+        if field.name in _NAMED:
+            table[field.name] = _name_in(_NAMED[field.name], value)
+        elif isinstance(value, eqx.Module):
+            table[field.name] = encode(value, field.name)
+        elif isinstance(value, int):
+            table[field.name] = value
+        else:
+            table[_key(field, channel)] = float(value)
+    return table
+
+
+def decode(
+    template: Any, table: Any, path: str, channel: str = "", wanted: Any = object
+) -> Any:
+    """A copy of the template with the numbers of a table.
+
+    Args:
+        template: of the kind wanted, with the values for what the table leaves out.
+        table: nested tables, as `encode` makes them.
+        path: of the table in its file, for messages.
+        channel: name of the enclosing channel.
+        wanted: type of the field it is for; a `type` of another kind is refused.
+
+    Raises:
+        ConfigError: unknown key, wrong type, or a value the class refuses.
+    """
+    if not isinstance(table, dict):
+        raise ConfigError(f"{path} must be a table; received {table!r}.")
+    rest = dict(table)
+    kind = type(template)
+    family = _family(template)
+    if isinstance(wanted, type):
+        family = {name: k for name, k in family.items() if issubclass(k, wanted)}
+    if family and "type" in rest:
+        kind = choice(rest.pop("type"), family, f"{path}.type")
+    values = {}
+    for field in dataclasses.fields(kind):
+        old = getattr(template, field.name, None)
+        if field.name in _LEFT_OUT:
+            values[field.name] = old
+            continue
+        key = _key(field, channel)
+        if field.name in _NAMED:
+            key = field.name
+        given = rest.pop(key, None)
+        if given is None:
+            if old is not None:
+                values[field.name] = old
+            continue
+        where = f"{path}.{key}"
+        if field.name in _NAMED:
+            values[field.name] = choice(given, _NAMED[field.name], where)
+        elif isinstance(old, eqx.Module):
+            values[field.name] = decode(old, given, where, field.name, field.type)
+        elif field.metadata.get("static", False):
+            values[field.name] = whole_number(given, where)
+        else:
+            values[field.name] = number(given, where)
+    allowed = [_key(f, channel) for f in dataclasses.fields(kind)]
+    refuse_unknown(rest, [k for k in allowed if k not in _LEFT_OUT], path)
+    try:
+        return kind(**values)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{path}: {error}") from error
+
+
+def _family(thing: Any) -> dict[str, type]:
+    for base, members in FAMILIES.items():
+        if isinstance(thing, base):
+            return members
+    return {}
+
+
+def _name_in(names: dict[str, Any], value: Any) -> str:
+    for name, member in names.items():
+        if member is value:
+            return name
+    raise ConfigError(
+        f"{value!r} has no name in {', '.join(names)}: cannot be written."
+    )
+
+
+def _fields(thing: Any) -> list[dataclasses.Field[Any]]:
+    return [f for f in dataclasses.fields(thing) if f.name not in _LEFT_OUT]
+
+
+def _key(field: dataclasses.Field[Any], channel: str) -> str:
+    unit = field.metadata.get("unit", "")
+    if unit == "channel":
+        unit = _CHANNEL_UNITS.get(channel, "")
+    return f"{field.name}_{unit}" if unit else field.name

@@ -1,0 +1,282 @@
+"""Tables of a mission file turned into vehicle, sea, task and clock.
+
+Each function reads one table, refuses what it does not know, and names the key in every
+complaint.
+"""
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxglider import paper
+from jaxglider.core.toml import ConfigError, Table, choice, number, refuse_unknown
+from jaxglider.environment.disturbances import (
+    AbstractDisturbance,
+    Calm,
+    Constant,
+    GaussMarkov,
+    Sinusoid,
+    Sum,
+)
+from jaxglider.environment.water import Current, Stratification, Water
+from jaxglider.guidance import (
+    AbstractReference,
+    AttitudeSchedule,
+    LineOfSight,
+    Schedule,
+    WaypointPath,
+)
+from jaxglider.signals import BodyAxes, Command, GliderState
+from jaxglider.simulation.scenario import Clock
+from jaxglider.vehicle.actuators import Actuator
+from jaxglider.vehicle.parameters import GliderParameters, VehicleData
+from jaxglider.vehicle.published import load_vehicle, vehicle_of
+
+_UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
+STATE_UNITS = {
+    **dict.fromkeys(("north", "east", "depth"), ("m", 1.0)),
+    **dict.fromkeys(("roll", "pitch", "heading"), ("deg", math.pi / 180)),
+    **dict.fromkeys(("surge", "sway", "heave"), ("m_s", 1.0)),
+    **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), ("deg_s", math.pi / 180)),
+}
+"""How the keys of a state end, and what their numbers are multiplied by."""
+
+
+def _built(make: Any, path: str, *args: Any, **kwargs: Any) -> Any:
+    try:
+        return make(*args, **kwargs)
+    except ConfigError:
+        raise
+    except (OSError, TypeError, ValueError) as error:
+        raise ConfigError(f"{path}: {error}") from error
+
+
+def read_vehicle(table: Table, folder: Path) -> VehicleData:
+    """Parameters and actuator limits, with overrides applied."""
+    vehicle = _built(_published, "vehicle.data", table, folder)
+    overrides = table.table("parameters").rest()
+    names = [f.name for f in dataclasses.fields(GliderParameters)]
+    refuse_unknown(
+        [k for k in overrides if k not in names], names, "vehicle.parameters"
+    )
+    values = {k: number(v, f"vehicle.parameters.{k}") for k, v in overrides.items()}
+    parameters = _built(
+        dataclasses.replace, "vehicle.parameters", vehicle.parameters, **values
+    )
+    return dataclasses.replace(vehicle, parameters=parameters)
+
+
+def _published(table: Table, folder: Path) -> VehicleData:
+    """A vehicle of the package, of a file, or of a table in the place of its name."""
+    source = table.get("data", "seawing")
+    if isinstance(source, dict):
+        return vehicle_of(source, "the table")
+    name = table.text("data", "seawing")
+    return load_vehicle(folder / name if name.endswith(".toml") else name)
+
+
+def read_clock(table: Table) -> Clock:
+    """Tick and horizon."""
+    duration, dt = table.number("duration_s", 800.0), table.number("dt_s", 0.05)
+    substeps = table.whole("substeps", 1)
+    table.close()
+    return _built(Clock.lasting, "clock", duration, dt, substeps)
+
+
+def read_actuators(table: Table, limits: Command[Any]) -> Command[Actuator]:
+    """The three actuators; the limits of the vehicle by default."""
+    made = {}
+    for name, unit in _UNITS.items():
+        one = table.table(name)
+        rate = one.get(f"rate_limit_{unit}_s", None)
+        lag = one.get("time_constant_s", None)
+        made[name] = _built(
+            Actuator,
+            one.where("")[:-1],
+            one.number(f"limit_{unit}", float(getattr(limits, name))),
+            None if rate is None else one.number(f"rate_limit_{unit}_s"),
+            None if lag is None else one.number("time_constant_s"),
+        )
+        one.close()
+    table.close()
+    return Command(**made)
+
+
+def read_initial_state(table: Table) -> GliderState:
+    """Where the glider starts; angles in degrees in the file."""
+    values = {
+        name: scale * table.number(f"{name}_{unit}", 0.0)
+        for name, (unit, scale) in STATE_UNITS.items()
+    }
+    table.close()
+    if abs(values["pitch"]) >= math.pi / 2:
+        raise ConfigError(
+            "initial_state.pitch_deg must be in (-90, 90); "
+            f"received {table.number('pitch_deg'):g}."
+        )
+    return GliderState(**values)
+
+
+def read_disturbance(tables: list[Table]) -> AbstractDisturbance:
+    """The sum of the disturbances listed."""
+    kinds = {
+        "calm": lambda t: Calm(),
+        "constant": lambda t: Constant(_axes(t, "force_N", "moment_N_m")),
+        "sinusoid": _sinusoid,
+        "coloured-noise": _coloured_noise,
+        "paper": lambda t: paper.disturbance(),
+    }
+    terms = []
+    for table in tables:
+        make = choice(table.get("type"), kinds, table.where("type"))
+        terms.append(_built(make, table.where("")[:-1], table))
+        table.close()
+    return Sum(tuple(terms))
+
+
+def _axes(table: Table, force: str, moment: str) -> BodyAxes[Any]:
+    zero = [0.0] * 3
+    return BodyAxes(*table.numbers(force, zero, 3), *table.numbers(moment, zero, 3))
+
+
+def _sinusoid(table: Table) -> Sinusoid:
+    periods = table.numbers("period_s", length=6)
+    if min(periods) <= 0.0:
+        raise ConfigError(
+            f"{table.where('period_s')} must be positive; received {min(periods):g}."
+        )
+    phases = table.numbers("phase_deg", 0.0, 6)
+    return Sinusoid(
+        _axes(table, "amplitude_N", "amplitude_N_m"),
+        BodyAxes(*(2 * math.pi / p for p in periods)),
+        BodyAxes(*(math.radians(p) for p in phases)),
+    )
+
+
+def _coloured_noise(table: Table) -> GaussMarkov:
+    return GaussMarkov(
+        _axes(table, "standard_deviation_N", "standard_deviation_N_m"),
+        BodyAxes(*table.numbers("correlation_time_s", length=6)),
+    )
+
+
+def read_water(table: Table, vehicle: VehicleData) -> Water | None:
+    """Currents and density; nothing if neither is asked for."""
+    current = stratification = None
+    if table.get("current", None) is not None:
+        own = table.table("current")
+        values = [own.number(key, 0.0) for key in CURRENT_KEYS]
+        period = own.number("tide_period_s", 44712.0)
+        phase = math.radians(own.number("tide_phase_deg", 0.0))
+        own.close()
+        current = _built(Current, "water.current", *values, period, phase)
+    if table.get("stratification", None) is not None:
+        own = table.table("stratification")
+        if vehicle.body is None:
+            mass = own.number("displaced_mass_kg")
+        else:
+            displaced = float(vehicle.body.displaced_mass(vehicle.parameters))
+            mass = own.number("displaced_mass_kg", displaced)
+        values = [own.number(key, 0.0) for key in STRATIFICATION_KEYS]
+        own.close()
+        stratification = _built(Stratification, "water.stratification", mass, *values)
+    table.close()
+    if current is None and stratification is None:
+        return None
+    return Water(current, stratification)
+
+
+CURRENT_KEYS = (
+    "north_m_s",
+    "east_m_s",
+    "shear_north_1_s",
+    "shear_east_1_s",
+    "tide_north_m_s",
+    "tide_east_m_s",
+)
+STRATIFICATION_KEYS = (
+    "density_gradient_1_m",
+    "hull_compressibility_1_m",
+    "neutral_depth_m",
+)
+
+
+def read_reference(table: Table, guidance: LineOfSight) -> AbstractReference:
+    """The task: a schedule or a waypoint path.
+
+    Args:
+        table: of the file.
+        guidance: gains of a path that gives none of its own.
+    """
+    kind = table.text("type", "schedule")
+    choice(kind, {"schedule": 0, "waypoints": 0}, table.where("type"))
+    if kind == "schedule" and table.get("waypoints", None) is not None:
+        raise ConfigError(
+            'reference.waypoints needs reference.type = "waypoints"; received '
+            '"schedule". Change the type or remove the waypoints.'
+        )
+    schedule = _schedule(table.table("schedule"), kind)
+    if kind == "schedule":
+        table.close()
+        return AttitudeSchedule(schedule)
+    path = table.table("waypoints")
+    made = _built(
+        WaypointPath,
+        "reference.waypoints",
+        path.numbers("north_m"),
+        path.numbers("east_m"),
+        _built(
+            LineOfSight,
+            "reference.waypoints",
+            path.number("lookahead_m", float(guidance.lookahead)),
+            path.number("integral_gain", float(guidance.integral_gain)),
+        ),
+        schedule,
+        path.number("radius_m", 5.0),
+        path.number("start_north_m", 0.0),
+        path.number("start_east_m", 0.0),
+        None if path.get("abeam_m", None) is None else path.number("abeam_m"),
+    )
+    path.close()
+    table.close()
+    return made
+
+
+def _schedule(table: Table, kind: str) -> Schedule:
+    default = (
+        paper.attitude_schedule() if kind == "schedule" else paper.vertical_schedule()
+    )
+    start = table.numbers("start_s", np.asarray(default.start).tolist())
+    count = len(start)
+    if count == 0:
+        raise ConfigError(
+            f"{table.where('start_s')} must have at least 1 number; received []."
+        )
+    own = not np.array_equal(start, np.asarray(default.start))
+
+    def column(key: str, fallback: Any, scale: float = 1.0) -> list[float]:
+        if own:
+            values = table.numbers(key, length=count)
+        else:
+            values = table.numbers(key, (np.asarray(fallback) / scale).tolist(), count)
+        return [scale * v for v in values]
+
+    degrees = math.pi / 180
+    no_heading = kind == "waypoints" and table.get("heading_deg", None) is None
+    heading = (
+        [0.0] * count if no_heading else column("heading_deg", default.heading, degrees)
+    )
+    made = _built(
+        Schedule,
+        "reference.schedule",
+        start,
+        column("gliding_angle_deg", default.gliding_angle, degrees),
+        heading,
+        column("depth_rate_m_s", default.depth_rate),
+        table.number("initial_depth_m", 0.0),
+    )
+    table.close()
+    return made

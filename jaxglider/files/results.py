@@ -1,0 +1,161 @@
+"""Results on disk: trajectories as NetCDF, metrics as JSON, and where they came from.
+
+Every file is written under a temporary name and renamed, so a reader never sees half of
+one.
+"""
+
+import json
+from collections.abc import Iterator
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import numpy as np
+
+from jaxglider.files.writing import replacing
+from jaxglider.simulation.metrics import Metrics
+from jaxglider.simulation.rollout import Trajectory
+from jaxglider.simulation.tick import TickRecord
+
+_CHANNEL_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
+_COMMAND_UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
+_STATE = {
+    "north": ("m", "position north"),
+    "east": ("m", "position east"),
+    "depth": ("m", "depth below the surface"),
+    "roll": ("rad", "roll angle"),
+    "pitch": ("rad", "pitch angle, nose up"),
+    "heading": ("rad", "heading, clockwise from north, not wrapped"),
+    "surge": ("m s-1", "velocity forward, body frame"),
+    "sway": ("m s-1", "velocity to starboard, body frame"),
+    "heave": ("m s-1", "velocity downward, body frame"),
+    "roll_rate": ("rad s-1", "roll rate, body frame"),
+    "pitch_rate": ("rad s-1", "pitch rate, body frame"),
+    "yaw_rate": ("rad s-1", "yaw rate, body frame"),
+}
+_STANDARD_NAMES = {"depth": "depth", "roll": "platform_roll", "pitch": "platform_pitch"}
+
+
+def metrics_dict(metrics: Metrics, *, has_waypoints: bool) -> dict[str, Any]:
+    """Metrics as plain numbers; what is not finite becomes None.
+
+    Args:
+        metrics: of one run.
+        has_waypoints: whether the reference was a waypoint path.
+    """
+    channels = {
+        name: {key: _plain(value) for key, value in vars(channel).items()}
+        for name, channel in vars(metrics.channels).items()
+    }
+    for channel in channels.values():
+        # Zero says that the funnel never settled, and would read as perfect.
+        channel["max_error_settled"] = channel["max_error_settled"] or None
+    return {
+        "end_time_s": _plain(metrics.end_time),
+        "finite": bool(metrics.finite),
+        "capsized": bool(metrics.capsized),
+        "max_roll_rad": _plain(metrics.max_roll),
+        "max_pitch_rad": _plain(metrics.max_pitch),
+        "waypoints_reached": int(metrics.waypoints_reached) if has_waypoints else None,
+        "channels": channels,
+    }
+
+
+def _plain(value: Any) -> float | None:
+    number = float(value)
+    return number if np.isfinite(number) else None
+
+
+def write_trajectories(
+    path: str | Path, runs: dict[str, Trajectory], about: dict[str, Any]
+) -> None:
+    """Write trajectories as NetCDF-4 with CF attributes, dimensions run and time.
+
+    Runs of different length are padded with the fill value, and so are the ticks after
+    a mission has ended.
+
+    Args:
+        path: of the file.
+        runs: trajectories by label; all with the same tick.
+        about: provenance, kept as a JSON attribute.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    length = max(run.ticks.time.shape[0] for run in runs.values())
+    longest = max(runs.values(), key=lambda run: run.ticks.time.shape[0])
+    with (
+        replacing(path) as temporary,
+        netCDF4.Dataset(temporary, "w", format="NETCDF4") as file,
+    ):
+        file.Conventions = "CF-1.10"
+        file.title = "Closed-loop runs of an underwater glider"
+        file.source = "jaxglider"
+        file.history = f"{about.get('created', '')} jaxglider"
+        file.provenance = json.dumps(about)
+        file.createDimension("run", len(runs))
+        file.createDimension("time", length)
+        label = file.createVariable("run", str, ("run",))
+        label.long_name = "scenario/plant/controller"
+        label[:] = np.asarray(list(runs), dtype=object)
+        time = file.createVariable("time", "f8", ("time",))
+        time.units, time.long_name = "s", "start of the control tick"
+        time.axis = "T"
+        time[:] = np.asarray(longest.ticks.time)
+        for name, units, text, where in _variables():
+            columns = [_column(run.ticks, where) for run in runs.values()]
+            _write_variable(file, name, units, text, columns)
+
+
+def _write_variable(
+    file: Any, name: str, units: str, text: str, columns: list[Any]
+) -> None:
+    kind = "f8" if np.asarray(columns[0]).dtype == np.float64 else "f4"
+    variable = file.createVariable(
+        name, kind, ("run", "time"), zlib=True, complevel=1, fill_value=np.nan
+    )
+    variable.units, variable.long_name = units, text
+    if name in _STANDARD_NAMES:
+        variable.standard_name = _STANDARD_NAMES[name]
+    if name == "depth":
+        variable.positive = "down"
+    for row, column in enumerate(columns):
+        variable[row, : len(column)] = np.asarray(column)
+
+
+def _variables() -> Iterator[tuple[str, str, str, str]]:
+    """Name, unit, description and path in a tick of each variable in the file."""
+    for name, (units, text) in _STATE.items():
+        yield name, units, text, f"state.{name}"
+    for name, units in _CHANNEL_UNITS.items():
+        yield f"{name}_reference", units, f"{name}: reference", f"reference.{name}"
+        yield f"{name}_error", units, f"{name}: tracking error", f"error.{name}"
+        for edge in ("lower", "upper"):
+            text = f"{name}: {edge} edge of the funnel"
+            yield f"{name}_{edge}_bound", units, text, f"limits.{name}.{edge}"
+    for name, units in _COMMAND_UNITS.items():
+        for kind in ("wanted", "applied"):
+            text = f"{name.replace('_', ' ')}, {kind}"
+            yield f"{name}_{kind}", units, text, f"{kind}.{name}"
+    disturbances = {
+        "estimate": "estimate of the lumped disturbance",
+        "lumped": "lumped disturbance, mean over the tick",
+        "disturbance": "external disturbance",
+    }
+    for name in ("surge", "sway", "heave", "roll", "pitch", "yaw"):
+        units = "N" if name in ("surge", "sway", "heave") else "N m"
+        for kind, text in disturbances.items():
+            yield (
+                f"{name}_{kind}",
+                units,
+                f"{name}: {text}, body frame",
+                f"{kind}.{name}",
+            )
+    yield "target", "1", "waypoint or segment being followed", "target"
+    yield "clock", "s", "time since the funnel was restarted", "clock"
+
+
+def _column(ticks: TickRecord, path: str) -> np.ndarray:
+    values = np.asarray(attrgetter(path)(ticks))
+    return np.where(np.asarray(ticks.active), values, np.nan)

@@ -1,0 +1,206 @@
+"""What is uncertain, as TOML: tables turned into quantities of a scenario.
+
+Each function reads one table, refuses what it does not know, and names the key in every
+complaint. `TEMPLATE` is a complete, commented file.
+"""
+
+import dataclasses
+import math
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxglider.core.toml import ConfigError, Table, number, read_toml
+from jaxglider.environment.disturbances import Sum, Varied
+from jaxglider.files.mission_tables import STATE_UNITS, read_disturbance
+from jaxglider.files.uncertainty_tables import read_failures, read_lags, read_law
+from jaxglider.simulation.scenario import Scenario
+from jaxglider.uncertainty.members import Group, Quantity, Uncertainty
+from jaxglider.uncertainty.quantities import relative, waves
+from jaxglider.vehicle.parameters import UNCERTAIN
+from jaxglider.vehicle.sensors import Sensor
+
+TEMPLATE = (
+    resources.files("jaxglider.files") / "templates" / "uncertainty.toml"
+).read_text
+"""Call it for the text of a complete, commented uncertainty file."""
+
+_INERTIA = tuple(n for n in UNCERTAIN if n.endswith(("_mass", "_inertia")))
+PARAMETERS = {
+    "all": UNCERTAIN,
+    "inertia": _INERTIA,
+    "hydrodynamics": tuple(n for n in UNCERTAIN if n not in _INERTIA),
+}
+"""Names that stand for several parameters."""
+
+Found = tuple[Scenario, list[Quantity]]
+
+
+def load_uncertainty(path: str | Path, scenario: Scenario) -> Uncertainty:
+    """Read an uncertainty file.
+
+    Args:
+        path: of the file.
+        scenario: the nominal one.
+
+    Raises:
+        ConfigError: names the file, the key, the rule and the value.
+    """
+    try:
+        return build_uncertainty(read_toml(path), scenario)
+    except ConfigError as error:
+        text = str(error)
+        named = text.startswith(f"{path}: ")
+        raise ConfigError(text if named else f"{path}: {text}") from error
+
+
+def build_uncertainty(data: dict[str, Any], scenario: Scenario) -> Uncertainty:
+    """What parsed TOML makes uncertain of a scenario.
+
+    Raises:
+        ConfigError: names the key, the rule and the value.
+    """
+    top = Table(data, "")
+    try:
+        found, groups = _vehicle(top.tables("vehicle"), scenario)
+        for key, read in (
+            ("disturbance", _disturbance),
+            ("initial_state", _initial_state),
+            ("sensors", _sensors),
+            ("actuators", read_lags),
+        ):
+            table = top.table(key)
+            scenario, more = read(table, scenario)
+            table.close()
+            found += more
+        scenario, more = read_failures(top.tables("failure"), scenario)
+        top.close()
+        uncertainty = Uncertainty(scenario, (*found, *more), groups)
+    except ConfigError:
+        raise
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+    if not uncertainty.quantities and not uncertainty.has_chance():
+        raise ConfigError("nothing is uncertain; `jaxglider init` writes an example.")
+    return uncertainty
+
+
+def _vehicle(
+    tables: list[Table], scenario: Scenario
+) -> tuple[list[Quantity], tuple[Group, ...]]:
+    """Factors on parameters of the glider."""
+    quantities: list[Quantity] = []
+    groups: list[Group] = []
+    for count, table in enumerate(tables, 1):
+        given = table.get("names", "all")
+        listed = given if isinstance(given, list) else [given]
+        names = tuple(n for g in listed for n in PARAMETERS.get(str(g), (str(g),)))
+        correlation = table.get("correlation", None)
+        where = table.where("")[:-1]
+        law = read_law(table.rest(), where, 1.0)
+        quantities += [relative(scenario, name, law) for name in names]
+        if correlation is not None:
+            matrix = _correlation(correlation, len(names), f"{where}.correlation")
+            groups.append(Group(f"group{count}", names, matrix))
+    return quantities, tuple(groups)
+
+
+def _correlation(given: Any, size: int, where: str) -> tuple[tuple[float, ...], ...]:
+    """One number for all pairs, or the whole matrix."""
+    if isinstance(given, list):
+        rows = [[number(x, where) for x in row] for row in given]
+        if len(rows) != size or any(len(row) != size for row in rows):
+            raise ConfigError(f"{where} must have {size} rows of {size} numbers.")
+        return tuple(tuple(row) for row in rows)
+    common = number(given, where)
+    matrix = np.full((size, size), common)
+    np.fill_diagonal(matrix, 1.0)
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+def _disturbance(table: Table, scenario: Scenario) -> Found:
+    """The waves' amplitudes and phases, then noise, strength and direction on top."""
+    degrees = math.pi / 180.0
+    noise = table.get("coloured_noise", None)
+    if noise is not None:
+        entry = Table(
+            {"type": "coloured-noise", **table.table("coloured_noise").rest()},
+            table.where("coloured_noise"),
+        )
+        total = Sum((scenario.disturbance, read_disturbance([entry])))
+        scenario = dataclasses.replace(scenario, disturbance=total)
+    varied = {"strength": 1.0, "direction_deg": 0.0}
+    if any(table.get(key, None) is not None for key in varied):
+        whole = Varied(scenario.disturbance)
+        scenario = dataclasses.replace(scenario, disturbance=whole)
+    laws = {
+        key: read_law(table.get(key), table.where(key), centre, unit)
+        for key, centre, unit in (
+            ("amplitude", 1.0, 1.0),
+            ("phase_deg", 0.0, degrees),
+            ("strength", 1.0, 1.0),
+            ("direction_deg", 0.0, degrees),
+        )
+        if table.get(key, None) is not None
+    }
+    waved = {"amplitude", "phase_deg"} & set(laws)
+    found = waves(scenario, laws.get("amplitude"), laws.get("phase_deg"))
+    if waved and not found:
+        raise ConfigError(
+            f"{table.where(min(waved))}: the disturbance of this scenario has no "
+            "sinusoid; remove the key."
+        )
+    for key, unit in (("strength", "1"), ("direction_deg", "rad")):
+        if key in laws:
+            name = key.removesuffix("_deg")
+            path = f"disturbance.{name}"
+            found.append(Quantity(f"disturbance_{name}", path, unit, laws[key]))
+    return scenario, found
+
+
+def _initial_state(table: Table, scenario: Scenario) -> Found:
+    """Offsets of the start."""
+    found = []
+    for name, (unit, scale) in STATE_UNITS.items():
+        key = f"{name}_{unit}"
+        given = table.get(key, None)
+        if given is None:
+            continue
+        nominal = float(getattr(scenario.initial_state, name))
+        law = read_law(given, table.where(key), 0.0, scale)
+        reach = max(abs(nominal + end) for end in law.support())
+        if name == "pitch" and reach >= math.pi / 2:
+            raise ConfigError(f"{table.where(key)}: the pitch must stay within 90 deg.")
+        path = f"initial_state.{name}"
+        kind = SI[unit]
+        found.append(Quantity(f"initial_{name}", path, kind, law, offset=nominal))
+    return scenario, found
+
+
+SI = {"m": "m", "deg": "rad", "m_s": "m s-1", "deg_s": "rad s-1"}
+"""Units of values whose keys end so."""
+
+
+def _sensors(table: Table, scenario: Scenario) -> Found:
+    """Noise, and bias known or uncertain."""
+    sensors, found = {}, []
+    for name, (unit, scale) in STATE_UNITS.items():
+        if table.get(name, None) is None:
+            continue
+        own = table.table(name)
+        noise = scale * own.number(f"noise_{unit}", 0.0)
+        bias = own.get(f"bias_{unit}", 0.0)
+        law = read_law(bias, own.where(f"bias_{unit}"), 0.0, scale)
+        own.close()
+        try:
+            sensors[name] = Sensor(law.middle(), noise)
+        except ValueError as error:
+            raise ConfigError(f"{table.where(name)}: {error}") from error
+        if isinstance(bias, dict):
+            path = f"sensors.{name}.bias"
+            found.append(Quantity(f"sensor_bias_{name}", path, SI[unit], law))
+    if sensors:
+        scenario = dataclasses.replace(scenario, sensors=sensors)
+    return scenario, found

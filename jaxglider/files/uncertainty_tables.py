@@ -1,0 +1,151 @@
+"""Distributions as TOML tables.
+
+`{law = "uniform", half_width = 0.2}`, or low and high; `{law = "normal",
+standard_deviation = 0.1, truncation = 3.0}`; `{law = "log-normal", standard_deviation =
+0.3}`, of the logarithm. Where a law is of a factor on the nominal value it is centred
+on 1, where it is of an offset on 0; elsewhere it must say where it lies.
+"""
+
+import dataclasses
+from typing import Any
+
+from jaxglider.core.toml import ConfigError, Table, choice, number
+from jaxglider.signals import Command
+from jaxglider.simulation.scenario import Scenario
+from jaxglider.uncertainty.distributions import (
+    AbstractDistribution,
+    LogNormal,
+    Sometimes,
+    TruncatedNormal,
+    Uniform,
+)
+from jaxglider.uncertainty.members import Quantity
+from jaxglider.vehicle.actuators import NEVER, Failure
+
+
+def read_law(
+    given: Any, where: str, centre: float | None = None, unit: float = 1.0
+) -> AbstractDistribution:
+    """A distribution from its table; a plain number is the one value it can take.
+
+    Args:
+        given: the table or number.
+        where: its path in the file, for messages.
+        centre: of a law that does not say where it lies; None where it must.
+        unit: what its numbers are multiplied by.
+
+    Raises:
+        ConfigError: names the key, the rule and the value.
+    """
+    if not isinstance(given, dict):
+        value = unit * number(given, where)
+        return Uniform(value, value)
+    table = Table(given, where)
+    make = choice(table.get("law"), _LAWS, table.where("law"))
+    try:
+        made: AbstractDistribution = make(table, centre, unit)
+    except ConfigError:
+        raise
+    except ValueError as error:
+        raise ConfigError(f"{where}: {error}") from error
+    table.close()
+    return made
+
+
+def _uniform(table: Table, centre: float | None, unit: float) -> Uniform:
+    if table.get("half_width", None) is None:
+        return Uniform(unit * table.number("low"), unit * table.number("high"))
+    mean, width = _middle(table, "mean", centre), table.number("half_width")
+    if width < 0.0:
+        raise ConfigError(
+            f"{table.where('half_width')} must be zero or positive; received {width:g}."
+        )
+    return Uniform(unit * (mean - width), unit * (mean + width))
+
+
+def _normal(table: Table, centre: float | None, unit: float) -> TruncatedNormal:
+    mean = _middle(table, "mean", centre)
+    deviation = table.number("standard_deviation")
+    cut = table.number("truncation", 3.0)
+    return TruncatedNormal(unit * mean, unit * deviation, cut)
+
+
+def _log_normal(table: Table, centre: float | None, unit: float) -> LogNormal:
+    median = _middle(table, "median", centre)
+    deviation = table.number("standard_deviation")
+    return LogNormal(unit * median, deviation, table.number("truncation", 3.0))
+
+
+def _middle(table: Table, key: str, centre: float | None) -> float:
+    if centre is None:
+        return table.number(key)
+    return table.number(key, centre)
+
+
+_LAWS = {"uniform": _uniform, "normal": _normal, "log-normal": _log_normal}
+
+
+ACTUATORS = tuple(field.name for field in dataclasses.fields(Command))
+
+
+Found = tuple[Scenario, list[Quantity]]
+
+
+def read_lags(table: Table, scenario: Scenario) -> Found:
+    """Time constants of the actuators."""
+    found = []
+    for name in ACTUATORS:
+        own = table.table(name)
+        given = own.get("time_constant_s", None)
+        own.close()
+        if given is None:
+            continue
+        where = own.where("time_constant_s")
+        law = read_law(given, where)
+        if law.support()[0] <= 0.0:
+            raise ConfigError(f"{where} must stay positive.")
+        scenario = _changed(scenario, name, time_constant=law.middle())
+        path = f"actuators.{name}.time_constant"
+        found.append(Quantity(f"{name}_time_constant", path, "s", law))
+    return scenario, found
+
+
+def read_failures(tables: list[Table], scenario: Scenario) -> Found:
+    """Actuators that get stuck or weak, some or all members, at some time."""
+    found: list[Quantity] = []
+    for table in tables:
+        name = str(table.get("actuator"))
+        choice(name, dict.fromkeys(ACTUATORS), table.where("actuator"))
+        kinds = {"stuck": "stuck_from", "weak": "weak_from"}
+        kind = choice(table.get("kind"), kinds, table.where("kind"))
+        time = read_law(table.get("time_s"), table.where("time_s"))
+        if time.support()[0] < 0.0:
+            raise ConfigError(f"{table.where('time_s')} must not be negative.")
+        share = table.number("probability", 1.0)
+        try:
+            when = Sometimes(share, time, NEVER)
+        except ValueError as error:
+            where = table.where("probability")
+            raise ConfigError(f"{where}: {error}") from error
+        if getattr(scenario.actuators, name).failure is None:
+            scenario = _changed(scenario, name, failure=Failure())
+        found.append(_failure(name, kind, "s", when))
+        if kind == "weak_from":
+            where = table.where("effectiveness")
+            law = read_law(table.get("effectiveness"), where)
+            low, high = law.support()
+            if low < 0.0 or high > 1.0:
+                raise ConfigError(f"{where} must stay in [0, 1].")
+            found.append(_failure(name, "effectiveness", "1", law))
+        table.close()
+    return scenario, found
+
+
+def _failure(name: str, field: str, unit: str, law: AbstractDistribution) -> Quantity:
+    return Quantity(f"{name}_{field}", f"actuators.{name}.failure.{field}", unit, law)
+
+
+def _changed(scenario: Scenario, name: str, **changes: Any) -> Scenario:
+    changed = dataclasses.replace(getattr(scenario.actuators, name), **changes)
+    actuators = dataclasses.replace(scenario.actuators, **{name: changed})
+    return dataclasses.replace(scenario, actuators=actuators)

@@ -1,0 +1,59 @@
+"""What every reference is, and the attitude schedule that all of them build on."""
+
+from abc import abstractmethod
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxglider.core.containers import Container, Scalar, Series
+from jaxglider.signals import GliderState, Measurement, Reference
+
+
+class AbstractReference(Container):
+    """Tells the glider what to do.
+
+    What depends on time alone is planned for all ticks at once; the rest is stepped.
+
+    Attributes:
+        scheduled: the funnel's clock is known beforehand (`plan` carries `clock`), so
+            performance functions can be computed for all ticks at once.
+        can_finish: the mission can end before the horizon.
+    """
+
+    scheduled: eqx.AbstractClassVar[bool]
+    can_finish: eqx.AbstractClassVar[bool]
+
+    @property
+    def waypoints(self) -> int | None:
+        """How many waypoints there are to reach; None where there is no course."""
+        return None
+
+    @abstractmethod
+    def plan(self, times: Series) -> Any:
+        """What is known beforehand at each tick time [s]; one leading axis."""
+
+    @abstractmethod
+    def init(self, state: GliderState) -> Any:
+        """The reference's state before the first tick."""
+
+    @abstractmethod
+    def step(
+        self, state: Any, planned: Any, measurement: Measurement, dt: Scalar
+    ) -> tuple[Reference, Any]:
+        """What to do in this tick, and the reference's next state.
+
+        Args:
+            state: from `init` or the previous step.
+            planned: this tick's share of `plan`.
+            measurement: what is known of the glider.
+            dt: tick [s].
+        """
+
+
+def angle_of_attack(state: GliderState) -> Scalar:
+    """α = w/u [rad], with u kept above 0.02 m/s and α within ±0.3.
+
+    θ_d = ξ_d + α; its rate is neglected.
+    """
+    return jnp.clip(state.heave / jnp.maximum(state.surge, 0.02), -0.3, 0.3)

@@ -1,0 +1,195 @@
+"""All the figures of a comparison, made one after the other and written to files."""
+
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+import jax
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxglider.control.performance import (
+    AbstractPerformanceFunction,
+    ExponentialFunction,
+    HalfSechFunction,
+    SechFunction,
+)
+from jaxglider.guidance import WaypointPath
+from jaxglider.plotting.commands import commands
+from jaxglider.plotting.comparison import errors, tracking
+from jaxglider.plotting.path import path_3d, path_plan
+from jaxglider.plotting.performance import performance_functions, settling_time
+from jaxglider.plotting.series import active_ticks
+from jaxglider.plotting.style import COLUMN, PAGE, look, new_figure, styles
+from jaxglider.plotting.vehicle import disturbance_estimate, vehicle_state
+from jaxglider.simulation.rollout import Trajectory
+from jaxglider.simulation.scenario import Scenario
+
+
+def published_functions() -> dict[str, AbstractPerformanceFunction]:
+    """The three published forms with the numbers of the paper's first depth funnel."""
+    numbers = (1.0, 0.2, 100.0)
+    return {
+        "sech(sech(P₀) z), proposed": SechFunction(*numbers),
+        "½ sech(P₀ z), PPC": HalfSechFunction(*numbers),
+        "exponential, original": ExponentialFunction(*numbers),
+    }
+
+
+def figures(
+    scenario: Scenario,
+    runs: Mapping[str, Trajectory],
+    functions: Mapping[str, AbstractPerformanceFunction] | None = None,
+) -> Iterator[tuple[str, Figure]]:
+    """Name and figure, one at a time, sized for a journal.
+
+    Args:
+        scenario: that of all the runs.
+        runs: label to trajectory.
+        functions: performance functions to compare; the published forms by default.
+    """
+    for name, build in _builders(scenario, runs, functions).items():
+        with look():
+            figure = build()
+        yield name, figure
+
+
+def save_all(
+    folder: str | os.PathLike[str],
+    scenario: Scenario,
+    runs: Mapping[str, Trajectory],
+    formats: Sequence[str] = ("png",),
+    functions: Mapping[str, AbstractPerformanceFunction] | None = None,
+) -> list[Path]:
+    """Write every figure; a file appears under its name only when it is complete.
+
+    Args:
+        folder: made if it is not there.
+        scenario: that of all the runs.
+        runs: label to trajectory.
+        formats: file endings that Matplotlib knows.
+        functions: performance functions to compare; the published forms by default.
+
+    Returns:
+        The files written.
+    """
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, figure in figures(scenario, runs, functions):
+        for ending in formats:
+            written.append(save(figure, place / f"{name}.{ending}"))
+        figure.clear()
+    return written
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write one figure to a temporary name beside its own, then rename it.
+
+    Args:
+        figure: to write.
+        path: of the file; its ending is the format.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with look():
+            figure.savefig(temporary, format=path.suffix.lstrip("."))
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return path
+
+
+def _builders(
+    scenario: Scenario,
+    runs: Mapping[str, Trajectory],
+    functions: Mapping[str, AbstractPerformanceFunction] | None,
+) -> dict[str, Callable[[], Figure]]:
+    """How each figure is made, by its name."""
+    reference = scenario.reference
+    path = reference if isinstance(reference, WaypointPath) else None
+    horizon = scenario.clock.ticks * float(scenario.clock.dt)
+    shapes = published_functions() if functions is None else functions
+    made: dict[str, Callable[[], Figure]] = {
+        "performance_functions": lambda: _performance(shapes, horizon),
+        "tracking": lambda: _stacked(lambda axes: tracking(axes, runs)),
+        "errors": lambda: _stacked(lambda axes: errors(axes, runs)),
+        "commands": lambda: _stacked(
+            lambda axes: commands(axes, runs, scenario.actuators)
+        ),
+        "path_3d": lambda: _in_space(runs, path),
+        "path_plan": lambda: _from_above(runs, path),
+    }
+    for label, style in styles(runs).items():
+        if not has_data(runs[label]):
+            continue
+        name = re.sub(r"[^a-z0-9]+", "_", label.lower()).strip("_") or "run"
+        made[_free(f"vehicle_state_{name}", made)] = partial(
+            _sheet, label, runs[label], style.colour
+        )
+        made[_free(f"disturbance_estimate_{name}", made)] = partial(
+            _estimate, label, runs[label], style.colour
+        )
+    return made
+
+
+def has_data(run: Trajectory) -> bool:
+    """Whether any active tick of a run has a finite state."""
+    state = active_ticks(run).state
+    fields = [np.isfinite(np.asarray(x)) for x in jax.tree.leaves(state)]
+    return bool(np.logical_and.reduce(fields).any())
+
+
+def _free(name: str, taken: Mapping[str, object]) -> str:
+    """The name, numbered where two labels differ only in what a file cannot show."""
+    number, candidate = 2, name
+    while candidate in taken:
+        number, candidate = number + 1, f"{name}_{number}"
+    return candidate
+
+
+def _stacked(draw: Callable[[np.ndarray], object]) -> Figure:
+    """Three panels above each other in one journal column."""
+    figure = new_figure(COLUMN, 4.6)
+    draw(figure.subplots(3, 1, sharex=True))
+    figure.align_ylabels()
+    return figure
+
+
+def _performance(
+    functions: Mapping[str, AbstractPerformanceFunction], horizon: float
+) -> Figure:
+    figure = new_figure(COLUMN, 2.8)
+    settled = [settling_time(function, horizon) for function in functions.values()]
+    duration = min(1.2 * max(settled, default=horizon), horizon)
+    performance_functions(figure.subplots(), functions, duration)
+    return figure
+
+
+def _in_space(runs: Mapping[str, Trajectory], path: WaypointPath | None) -> Figure:
+    figure = new_figure(COLUMN, 3.65)
+    path_3d(figure.add_subplot(projection="3d"), runs, path)
+    return figure
+
+
+def _from_above(runs: Mapping[str, Trajectory], path: WaypointPath | None) -> Figure:
+    figure = new_figure(COLUMN, 4.0)
+    path_plan(figure.subplots(), runs, path)
+    return figure
+
+
+def _estimate(label: str, run: Trajectory, colour: str) -> Figure:
+    figure = new_figure(PAGE, 3.8)
+    axes = figure.subplots(2, 3, sharex=True)
+    disturbance_estimate(axes, run, label, colour)
+    figure.align_ylabels()
+    return figure
+
+
+def _sheet(label: str, run: Trajectory, colour: str) -> Figure:
+    figure = new_figure(PAGE, 7.4)
+    figure.suptitle(label)
+    vehicle_state(figure.subplots(5, 3, sharex=True), run, colour)
+    return figure

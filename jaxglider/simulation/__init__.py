@@ -1,0 +1,1 @@
+"""One tick, the loop over ticks, and what is measured of a run."""

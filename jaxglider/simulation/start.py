@@ -1,0 +1,42 @@
+"""What is odd about the start of a run."""
+
+import jax
+import jax.numpy as jnp
+
+from jaxglider.control import tracking_error
+from jaxglider.control.funnel import Limits
+from jaxglider.core.containers import Scalar
+from jaxglider.signals import Channels, Measurement
+from jaxglider.simulation.closed_loop import ClosedLoop
+
+
+def start_warnings(loop: ClosedLoop) -> list[str]:
+    """What is odd about the start: channels whose error begins outside the funnel."""
+    error, limits = jax.jit(_start)(loop)
+    found = []
+    for channel in ("depth", "pitch", "heading"):
+        e, edge = getattr(error, channel), getattr(limits, channel)
+        if not bool((e > edge.lower) & (e < edge.upper)):
+            found.append(
+                f"the {channel} error starts at {float(e):.4g}, outside its funnel "
+                f"({float(edge.lower):.4g}, {float(edge.upper):.4g}): the run goes on, "
+                "but the prescribed performance is not guaranteed."
+            )
+    return found
+
+
+def _start(loop: ClosedLoop) -> tuple[Channels[Scalar], Channels[Limits]]:
+    """Error and edges of the funnel in the first tick."""
+    scenario = loop.scenario
+    state = scenario.initial_state
+    planned = scenario.reference.plan(jnp.zeros_like(scenario.clock.dt)[None])
+    carry = loop.init()
+    measurement = Measurement(
+        state, state.attitude(), carry.held, loop.observer.estimate(carry.observer)
+    )
+    first = jax.tree.map(lambda x: x[0], planned)
+    reference, _ = scenario.reference.step(
+        carry.reference, first, measurement, scenario.clock.dt
+    )
+    error, _ = tracking_error(measurement, reference)
+    return error, loop.controller.limits(loop.controller.bounds(reference.clock))

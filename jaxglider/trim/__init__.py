@@ -1,0 +1,1 @@
+"""Steady motion, and the linear model around it."""

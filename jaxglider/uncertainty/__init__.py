@@ -1,0 +1,1 @@
+"""What differs between members, how it is distributed, where members lie."""

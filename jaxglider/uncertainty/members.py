@@ -1,0 +1,203 @@
+"""What is uncertain of a scenario, how it is distributed, and the members drawn.
+
+An uncertain quantity is one number of a scenario, named by its path, with a
+distribution for its factor on the nominal value, its offset from it, or itself. A
+member is a value for each quantity and a key for what is left to chance within a run:
+coloured noise and sensor noise. Its values come from a point of the unit cube (see
+`designs`), so that every distribution works with every design.
+
+The controller's design model is not touched: it stays what the designer believes.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import jax.random as jr
+import numpy as np
+
+from jaxglider.core.containers import Series
+from jaxglider.environment.disturbances import GaussMarkov
+from jaxglider.signals import BodyAxes
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.scenario import Scenario
+from jaxglider.uncertainty.distributions import AbstractDistribution, correlated
+from jaxglider.uncertainty.sampling import AbstractDesign
+
+
+class Member(eqx.Module):
+    """One glider in one sea; an ensemble is this with a leading axis.
+
+    Attributes:
+        values: of the uncertain quantities, by their paths in the scenario.
+        key: data of the key for what is left to chance within the run.
+    """
+
+    values: dict[str, jax.Array]
+    key: jax.Array
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """One uncertain number: value = offset + scale · x, x from the distribution.
+
+    Attributes:
+        name: for tables and files.
+        path: in the scenario, as `plant.parameters.drag`.
+        unit: of the value.
+        distribution: of x.
+        scale: the nominal value where x is a factor on it, else 1.
+        offset: the nominal value where x is added to it, else 0.
+    """
+
+    name: str
+    path: str
+    unit: str
+    distribution: AbstractDistribution
+    scale: float = 1.0
+    offset: float = 0.0
+
+    def values(self, u: np.ndarray) -> np.ndarray:
+        """The values at coordinates u."""
+        return self.offset + self.scale * self.distribution.quantile(u)
+
+    def standard_deviation(self) -> float:
+        """Of the value."""
+        return abs(self.scale) * self.distribution.standard_deviation()
+
+
+@dataclasses.dataclass(frozen=True)
+class Group:
+    """Quantities that are correlated through a Gaussian copula.
+
+    Attributes:
+        name: of the group.
+        members: names of its quantities.
+        correlation: of their normal scores.
+    """
+
+    name: str
+    members: tuple[str, ...]
+    correlation: tuple[tuple[float, ...], ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Uncertainty:
+    """All that is uncertain of a scenario.
+
+    Attributes:
+        scenario: the nominal one; it has a place for every quantity.
+        quantities: in the order of the coordinates.
+        groups: of correlated quantities; no quantity is in two.
+
+    Raises:
+        ValueError: a path leads nowhere, a name occurs twice, or a correlation is none.
+    """
+
+    scenario: Scenario
+    quantities: tuple[Quantity, ...]
+    groups: tuple[Group, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [q.name for q in self.quantities]
+        grouped = [name for group in self.groups for name in group.members]
+        for listed in (names, [q.path for q in self.quantities], grouped):
+            twice = sorted({name for name in listed if listed.count(name) > 1})
+            if twice:
+                raise ValueError(f"{twice[0]} is uncertain in two ways; keep one.")
+        for quantity in self.quantities:
+            look_up(self.scenario, quantity.path)
+        for group in self.groups:
+            correlated(
+                np.full((1, len(group.members)), 0.5), np.array(group.correlation)
+            )
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the quantities."""
+        return tuple(q.name for q in self.quantities)
+
+    def has_chance(self) -> bool:
+        """Whether anything is left to chance within a run: noise of sea or sensors."""
+        laws = jax.tree.leaves(
+            self.scenario.disturbance, is_leaf=lambda x: isinstance(x, GaussMarkov)
+        )
+        noisy = any(isinstance(law, GaussMarkov) for law in laws)
+        return noisy or self.scenario.sensors is not None
+
+    def values(self, coordinates: np.ndarray) -> np.ndarray:
+        """Values of the quantities, one row a member.
+
+        Args:
+            coordinates: in (0, 1), one row a member, one column a quantity.
+        """
+        u = np.array(coordinates, np.float64)
+        names = self.names()
+        for group in self.groups:
+            columns = [names.index(name) for name in group.members]
+            u[:, columns] = correlated(u[:, columns], np.array(group.correlation))
+        made = [q.values(u[:, j].copy()) for j, q in enumerate(self.quantities)]
+        return np.stack(made, axis=1) if made else np.empty((len(u), 0))
+
+    def members(self, values: np.ndarray, keys: jax.Array) -> Member:
+        """An ensemble, in the precision of the scenario.
+
+        Args:
+            values: of the quantities, one row a member.
+            keys: one for each member.
+        """
+        kind = self.scenario.clock.dt.dtype
+        columns = {
+            q.path: jnp.asarray(values[:, j], kind)
+            for j, q in enumerate(self.quantities)
+        }
+        return Member(columns, jr.key_data(keys))
+
+    def sample(self, design: AbstractDesign, keys: jax.Array, first: int = 0) -> Member:
+        """Members `first`, `first + 1` and so on of a design, one for each key."""
+        return self.members(self.values(design.rows(first, keys.shape[0])), keys)
+
+
+def with_member(
+    loop: ClosedLoop, member: Member
+) -> tuple[ClosedLoop, BodyAxes[Series], dict[str, Series] | None]:
+    """The closed loop of one member, its sea, and the errors of its sensors.
+
+    They are the arguments of `simulate` and `evaluate`.
+    """
+    scenario = loop.scenario
+    if member.values:
+        scenario = eqx.tree_at(
+            lambda at: [look_up(at, path) for path in member.values],
+            scenario,
+            list(member.values.values()),
+            is_leaf=lambda leaf: leaf is None,
+        )
+    changed = ClosedLoop(scenario, loop.controller, loop.observer)
+    sea, sensors = jr.split(jr.wrap_key_data(member.key))
+    return changed, scenario.sea(sea), scenario.noise(sensors)
+
+
+def look_up(scenario: Scenario, path: str) -> Any:
+    """What a path leads to: fields, keys and numbers, separated by dots.
+
+    Raises:
+        ValueError: it leads nowhere.
+    """
+    found: Any = scenario
+    for part in path.split("."):
+        try:
+            if isinstance(found, Mapping):
+                found = found[part]
+            elif isinstance(found, Sequence):
+                found = found[int(part)]
+            else:
+                found = getattr(found, part)
+        except (AttributeError, IndexError, KeyError, ValueError):
+            raise ValueError(
+                f"{path} is no number of this scenario: there is no {part!r} in "
+                f"{type(found).__name__}."
+            ) from None
+    return found

@@ -1,0 +1,143 @@
+"""`jaxglider export`: a tuned controller for use outside of jaxglider."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from jaxglider import paper
+from jaxglider.core.toml import ConfigError, read_toml
+from jaxglider.export import export_c
+from jaxglider.export.c.block import ExportError
+from jaxglider.export.cost import Cost
+from jaxglider.export.stablehlo import stablehlo
+from jaxglider.files.gains import encode_law
+from jaxglider.files.mission import load_mission
+from jaxglider.files.writing import provenance, write_text
+from jaxglider.onboard.autopilot import autopilot
+from jaxglider.onboard.guard import Guard
+from jaxglider.signals import Command
+from jaxglider.simulation.closed_loop import ClosedLoop
+from tuning.problem.case import Case, refuse_beside_mission
+from tuning.reporting.console import Progress, check_writable, print_result
+from tuning.reporting.exit_codes import OK
+
+
+def export(options: argparse.Namespace) -> int:
+    """`jaxglider export`."""
+    loop, title, about = _loop(options)
+    guard = _guard(options, loop)
+    check_writable(options.out)
+    progress = Progress()
+    progress.show(f"exporting {title} as {options.format} ...")
+    try:
+        files, cost = _files(options, loop, guard, title, about)
+    except ExportError as error:
+        raise ConfigError(f"{title} cannot be exported: {error}") from error
+    finally:
+        progress.clear()
+    for name, text in files.items():
+        write_text(options.out / name, text)
+    result: dict[str, Any] = {"title": title, "files": sorted(files)}
+    lines = [f"{title}: {len(files)} files in {options.out}."]
+    if cost is not None:
+        result["cost"] = {
+            "operations": cost.operations,
+            "state_bytes": dict(
+                zip(("float", "double"), cost.state_bytes, strict=True)
+            ),
+            "estimated_us_at_100_MHz": dict(
+                zip(("float", "double"), cost.microseconds, strict=True)
+            ),
+        }
+        lines.append(
+            f"{sum(cost.operations.values())} operations a tick, "
+            f"{cost.state_bytes[0]} bytes of state in float, {cost.state_bytes[1]} in "
+            "double."
+        )
+        lines.append(f"Build and check it: make -C {options.out}")
+    result["provenance"] = about
+    print_result(result, "\n".join(lines), as_json=options.json)
+    return OK
+
+
+def _loop(options: argparse.Namespace) -> tuple[ClosedLoop, str, dict[str, Any]]:
+    """The closed loop, what it is called, and where it comes from."""
+    if options.config is not None:
+        refuse_beside_mission(options)
+        mission = load_mission(options.config)
+        about = _about(scenario=mission.name, plant=mission.plant)
+        title = f"{mission.controller} for {mission.name} on {mission.plant}"
+        return mission.loop, title, about
+    path = Path(options.gains)
+    origin = read_toml(path).get("provenance", {}) if path.exists() else {}
+    mission_file = origin.get("mission") if isinstance(origin, dict) else None
+    if mission_file and not (options.scenario and options.plant):
+        raise ConfigError(
+            f"{path} was tuned for the mission {mission_file}: name it there as "
+            "controller.gains_file and export with --config, or give --scenario and "
+            "--plant."
+        )
+    scenario = options.scenario or _known(origin, "scenario", paper.SCENARIOS)
+    plant = options.plant or _known(origin, "plant", tuple(paper.PLANTS))
+    case = Case.of_paper(scenario, plant, options.dt, None)
+    (gains,) = case.resolve([options.gains], [options.controller])
+    about = _about(gains=gains.origin, scenario=scenario, plant=plant)
+    title = f"{gains.label} for {scenario} on {plant}"
+    return case.loop(gains)[1], title, about
+
+
+def _known(origin: Any, key: str, allowed: tuple[str, ...]) -> str:
+    """What gains were tuned for, or the first of what there is."""
+    said = origin.get(key) if isinstance(origin, dict) else None
+    return said if said in allowed else allowed[0]
+
+
+def _about(**more: Any) -> dict[str, Any]:
+    return provenance(command=sys.argv[1:], **more)
+
+
+def _guard(options: argparse.Namespace, loop: ClosedLoop) -> Guard:
+    safe = Command(*options.safe)
+    for name, value in vars(safe).items():
+        limit = float(getattr(loop.scenario.actuators, name).limit)
+        if abs(float(value)) > limit:
+            raise ValueError(
+                f"--safe: {name} must be within the actuator's limit of {limit:g}; "
+                f"received {float(value):g}."
+            )
+    return Guard(patience=options.patience, safe=safe)
+
+
+def _files(
+    options: argparse.Namespace,
+    loop: ClosedLoop,
+    guard: Guard,
+    title: str,
+    about: dict[str, Any],
+) -> tuple[dict[str, str], Cost | None]:
+    """Texts by name, and what a tick costs where that can be said."""
+    table = _table(loop, about)
+    if options.format == "json":
+        return {"gains.json": json.dumps(table, indent=2) + "\n"}, None
+    text = tomli_w.dumps(table)
+    if options.format == "toml":
+        return {"gains.toml": text}, None
+    if options.format == "stablehlo":
+        return {"gains.toml": text, **stablehlo(autopilot(loop, guard))}, None
+    made = export_c(loop, title, guard)
+    return {**made.files, "gains.toml": text}, made.cost
+
+
+def _table(loop: ClosedLoop, about: dict[str, Any]) -> dict[str, Any]:
+    """Gains as `tune` writes them."""
+    return {
+        **encode_law(loop),
+        "provenance": {
+            **{k: about[k] for k in ("created", "versions", "scenario", "plant")},
+            "command": "jaxglider " + " ".join(about["command"]),
+        },
+    }

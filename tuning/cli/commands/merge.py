@@ -1,0 +1,32 @@
+"""The command that joins the shards of a campaign."""
+
+import argparse
+import sys
+
+from jaxglider.files.writing import provenance
+from tuning.reporting.console import print_result
+from tuning.sweep.analysis.summary import MEASURES, text_summary
+from tuning.sweep.report.conclude import conclude, verdict
+from tuning.sweep.run.campaign import build
+from tuning.sweep.run.shards import join, read_shards
+from tuning.sweep.run.store import (
+    read_rows,
+)
+
+
+def merge(options: argparse.Namespace) -> int:
+    """`jaxglider merge`: the rows of the whole campaign, byte for byte."""
+    shards = read_shards(options.folders)
+    for rule in options.require:
+        rule.check(shards[0][1].labels, MEASURES)
+    merged = join(shards, options.out, overwrite=options.overwrite)
+    campaign = build(merged.settings)
+    about = provenance(
+        command=sys.argv[1:],
+        precision=merged.settings.precision,
+        shards=[manifest.about for _, manifest in shards],
+    )
+    rows = read_rows(options.out / "rows.bin", merged.row_type())
+    summary = conclude(options, options.out, campaign, merged, rows, about)
+    print_result(summary, text_summary(summary), as_json=options.json)
+    return verdict(summary)

@@ -1,0 +1,202 @@
+"""The command that runs one member of a campaign again, with its whole trajectory.
+
+The member's row is computed again by the campaign's own program, and compared with the
+one on disk bit for bit. The trajectory comes from a program that keeps every tick, as a
+piece of the same width; its metrics are compared with the row too, and where a compiler
+has made of it something that differs in the last bits, the command says so.
+"""
+
+import argparse
+import dataclasses
+import sys
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxglider.core.batching import BLOCK
+from jaxglider.files.results import metrics_dict, write_trajectories
+from jaxglider.files.writing import provenance, write_json
+from jaxglider.plotting import save_all
+from jaxglider.simulation.rollout import Trajectory, simulate
+from jaxglider.uncertainty.members import Member, with_member
+from tuning.reporting.console import Progress, check_writable, note, print_result
+from tuning.reporting.tables import text_table
+from tuning.sweep.analysis.summary import ranked
+from tuning.sweep.run.campaign import Campaign, build
+from tuning.sweep.run.engine import Engine
+from tuning.sweep.run.loop import compute, draw
+from tuning.sweep.run.rows import COLUMNS, Table, flatten, unit
+from tuning.sweep.run.store import Manifest, read_manifest, read_rows, whole_rows
+
+
+def rerun(options: argparse.Namespace) -> int:
+    """`jaxglider rerun`: one member for every set of gains of its campaign."""
+    manifest = read_manifest(options.folder)
+    table = _table(options.folder, manifest)
+    member = _number(options, manifest, table)
+    campaign = build(manifest.settings)
+    out = options.out or options.folder / f"member-{member}"
+    check_writable(out)
+    progress = Progress()
+    progress.show("compiling ...")
+    engine = Engine(
+        campaign.loops, draw(campaign, member, 1)[1], jax.local_devices()[:1]
+    )
+    again = compute(campaign, engine, member, 1)
+    kept = table.rows[table.rows["member"] == member]
+    runs = {
+        label: trajectory(campaign, number, member)
+        for number, label in enumerate(campaign.labels)
+    }
+    progress.clear()
+    result = _result(campaign, manifest, kept[0], again[0], runs)
+    _compare(result)
+    progress.show(f"writing to {out} ...")
+    write_json(out / "member.json", result)
+    write_trajectories(out / "trajectories.nc", runs, result["provenance"])
+    scenario = with_member(campaign.loops[0], _one(draw(campaign, member, 1)[1]))[0]
+    figures = save_all(out / "figures", scenario.scenario, runs)
+    progress.clear()
+    text = f"member {member}\n" + text_table(result["runs"])
+    print_result(result, text, as_json=options.json)
+    note(f"{out}: member.json, trajectories.nc and {len(figures)} figures.")
+    return 0
+
+
+def _table(folder: Path, manifest: Manifest) -> Table:
+    path = folder / "rows.bin"
+    count = whole_rows(path, manifest.row_type(), manifest.first)
+    if count == 0:
+        raise ValueError(f"{folder} holds no members yet; go on with its sweep.")
+    return Table(read_rows(path, manifest.row_type())[:count], manifest.labels)
+
+
+def _number(options: argparse.Namespace, manifest: Manifest, table: Table) -> int:
+    """The member asked for.
+
+    Raises:
+        ValueError: the campaign has no such member or gains.
+    """
+    if isinstance(options.member, int):
+        low, high = manifest.first, manifest.first + len(table) - 1
+        if not low <= options.member <= high:
+            raise ValueError(
+                f"--member must be in [{low}, {high}], the members of "
+                f"{options.folder}; received {options.member}."
+            )
+        return int(options.member)
+    label = options.gains or table.labels[0]
+    if label not in table.labels:
+        raise ValueError(
+            f"--gains must be one of {', '.join(table.labels)}; received {label!r}."
+        )
+    order = ranked(table, table.labels.index(label))
+    return order[-1] if options.member == "worst" else order[(len(table) - 1) // 2]
+
+
+def trajectory(campaign: Campaign, number: int, member: int) -> Trajectory:
+    """The whole run of one member, computed as one lane of a full block.
+
+    Args:
+        campaign: it belongs to.
+        number: of the set of gains.
+        member: its number.
+    """
+    alone = draw(campaign, member, 1)[1]
+    lanes = jax.tree.map(lambda x: np.repeat(np.asarray(x), BLOCK, axis=0), alone)
+
+    def run(loop: Any, members: Member) -> Trajectory:
+        every = jax.vmap(lambda one: simulate(*with_member(loop, one)))(members)
+        first: Trajectory = jax.tree.map(lambda x: x[0], every)
+        return first
+
+    found: Trajectory = jax.device_get(jax.jit(run)(campaign.loops[number], lanes))
+    return found
+
+
+def _one(members: Member) -> Member:
+    first: Member = jax.tree.map(lambda x: x[0], members)
+    return first
+
+
+def _result(
+    campaign: Campaign,
+    manifest: Manifest,
+    kept: Any,
+    again: Any,
+    runs: dict[str, Trajectory],
+) -> dict[str, Any]:
+    settings = manifest.settings
+    found = []
+    for number, (label, run) in enumerate(runs.items()):
+        row = kept["metrics"][number]
+        found.append(
+            {
+                "scenario": settings.scenario,
+                "plant": settings.plant,
+                "controller": label,
+                "published_case": False,
+                **metrics_dict(
+                    run.metrics, has_waypoints=campaign.waypoints is not None
+                ),
+                "row_equal": _equal(row, again["metrics"][number]),
+                "trajectory_equal": _equal(row, flatten(run.metrics)),
+                "largest_difference": _difference(row, flatten(run.metrics)),
+            }
+        )
+    drawn = {
+        name: {"value": float(value), "unit": units, "path": path}
+        for (name, path, units), value in zip(
+            manifest.quantities, kept["values"], strict=True
+        )
+    }
+    row = {
+        label: {
+            name: {"value": _plain(value), "unit": unit(name)}
+            for name, value in zip(COLUMNS, kept["metrics"][number], strict=True)
+        }
+        for number, label in enumerate(runs)
+    }
+    about = provenance(command=sys.argv[1:], precision=settings.precision)
+    about["campaign"] = dataclasses.asdict(settings) | {"gains": list(runs)}
+    return {
+        "member": int(kept["member"]),
+        "drawn": drawn,
+        "row": row,
+        "runs": found,
+        "provenance": about,
+    }
+
+
+def _equal(first: np.ndarray, second: np.ndarray) -> bool:
+    return bool(np.array_equal(first, second, equal_nan=True))
+
+
+def _difference(first: np.ndarray, second: np.ndarray) -> float | None:
+    """The largest relative difference; None where one is not finite."""
+    with np.errstate(invalid="ignore"):
+        size = np.maximum(np.abs(first), np.abs(second))
+        apart = np.abs(first - second) / np.where(size > 0.0, size, 1.0)
+    return _plain(apart.max())
+
+
+def _plain(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _compare(result: dict[str, Any]) -> None:
+    """Say where a run is not the campaign's own."""
+    for run in result["runs"]:
+        if not run["row_equal"]:
+            note(
+                f"{run['controller']}: this machine gives another row than the "
+                "campaign has: other versions, device or precision."
+            )
+        elif not run["trajectory_equal"]:
+            note(
+                f"{run['controller']}: the program that keeps every tick differs from "
+                "the campaign's in the last bits; metrics are apart by up to "
+                f"{run['largest_difference']} of their size."
+            )

@@ -1,0 +1,52 @@
+"""The command that flies one mission, steered by its controller or by a program."""
+
+import argparse
+from pathlib import Path
+
+from jaxglider.control.observer import NoObserver
+from jaxglider.files.mission import Mission, load_mission
+from jaxglider.onboard.guard import status_names
+from jaxglider.onboard.pipe import Peer, PipeController
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.start import start_warnings
+from tuning.evaluation.runs import Entry, report_runs, run_all
+from tuning.reporting.console import check_writable, note
+from tuning.reporting.exit_codes import RUN_FAILED
+
+
+def simulate_mission(options: argparse.Namespace) -> int:
+    """`jaxglider simulate`: one mission from a file."""
+    mission = load_mission(options.config)
+    check_writable(options.out)
+    for warning in start_warnings(mission.loop):
+        note(f"warning: {warning}")
+    seed = mission.seed if options.seed is None else options.seed
+    if options.controller_binary is not None:
+        return _simulate_outside(options, mission, seed)
+    entry = Entry(
+        mission.name, mission.plant, mission.controller, mission.loop, published=False
+    )
+    done, interrupted = run_all([entry], seed=seed)
+    return report_runs(options, done, interrupted, seed)
+
+
+def _simulate_outside(options: argparse.Namespace, mission: Mission, seed: int) -> int:
+    """The same with a program in the place of controller and observer."""
+    loop = mission.loop
+    dt = float(loop.scenario.clock.dt)
+    peer = Peer([options.controller_binary], dt, options.controller_timeout)
+    try:
+        outside = PipeController(getattr(loop.controller, "funnel", None), peer)
+        loop = ClosedLoop(loop.scenario, outside, NoObserver())
+        name = Path(options.controller_binary).name
+        entry = Entry(mission.name, mission.plant, name, loop, published=False)
+        done, interrupted = run_all([entry], seed=seed)
+        if peer.failure is not None:
+            note(f"{peer.failure} Nothing is written.")
+            return RUN_FAILED
+    finally:
+        peer.close()
+    for word, count in sorted(peer.statuses.items()):
+        said = ", ".join(status_names(word)) or "unknown"
+        note(f"status {word} on {count} ticks: {said}.")
+    return report_runs(options, done, interrupted, seed)

@@ -1,0 +1,45 @@
+"""The commands that write a commented file to begin with, and check a mission."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from jaxglider.files import mission, uncertainty
+from jaxglider.files.writing import write_text
+from jaxglider.simulation.start import start_warnings
+from tuning.reporting.console import note
+from tuning.reporting.exit_codes import OK
+
+
+def init(options: argparse.Namespace) -> int:
+    """`jaxglider init`: a commented mission or uncertainty file.
+
+    Raises:
+        ValueError: the file exists.
+        OSError: it cannot be written.
+    """
+    kind = "uncertainty" if options.uncertainty else "mission"
+    path = options.path or Path(f"{kind}.toml")
+    if path.exists() and not options.force:
+        raise ValueError(f"{path} exists; choose another name or use --force.")
+    template = (uncertainty if options.uncertainty else mission).TEMPLATE
+    try:
+        write_text(path, template())
+    except OSError as error:
+        raise OSError(f"{path} cannot be written: {error}.") from error
+    use = "tune --uncertainty" if options.uncertainty else "simulate --config"
+    sys.stdout.write(f"{path} written. Edit it, then: jaxglider {use} {path}\n")
+    return OK
+
+
+def validate(options: argparse.Namespace) -> int:
+    """`jaxglider validate`: whether a mission file can be flown."""
+    loaded = mission.load_mission(options.path)
+    for warning in start_warnings(loaded.loop):
+        note(f"warning: {warning}")
+    clock = loaded.loop.scenario.clock
+    sys.stdout.write(
+        f"{options.path} is valid: {loaded.name}, {loaded.controller}, "
+        f"{clock.ticks} ticks of {float(clock.dt):g} s.\n"
+    )
+    return OK

@@ -1,0 +1,137 @@
+"""The options of the command line; nothing here imports JAX."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from tuning.cli.options.arguments import (
+    CONTROLLERS,
+    PAPER_CONTROLLERS,
+    PLANTS,
+    SCENARIOS,
+    add_common,
+    add_dt,
+    seed,
+)
+from tuning.cli.options.export import add_controller_binary, add_export
+from tuning.cli.options.sweep import add_merge, add_rerun, add_sweep
+from tuning.cli.options.trim import add_trim, add_vehicles
+from tuning.cli.options.tune import add_check, add_tune
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line."""
+    top = argparse.ArgumentParser(
+        prog="jaxglider",
+        description="Simulate, compare and tune controllers of underwater gliders.",
+        epilog="Exit codes: 0 all well, 1 a run failed, 2 usage or configuration, "
+        "3 a stated requirement is violated, 130 interrupted.",
+    )
+    top.add_argument("--version", action="version", version=_version())
+    top.add_argument("--debug", action="store_true", help="show tracebacks of errors")
+    commands = top.add_subparsers(dest="command", metavar="COMMAND")
+    _add_compare(commands)
+    add_tune(commands)
+    add_check(commands)
+    add_sweep(commands)
+    add_merge(commands)
+    add_rerun(commands)
+    _add_simulate(commands)
+    add_export(commands)
+    _add_init(commands)
+    _add_validate(commands)
+    _add_cache(commands)
+    add_vehicles(commands)
+    add_trim(commands)
+    for command in commands.choices.values():
+        command.add_argument(
+            "--debug",
+            action="store_true",
+            default=argparse.SUPPRESS,
+            help=argparse.SUPPRESS,
+        )
+    return top
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return f"jaxglider {version('jaxglider')}"
+
+
+def _add_compare(commands: Any) -> None:
+    text = "run the paper's cases, all controllers under the same sea"
+    parser = commands.add_parser("compare", help=text, description=text + ".")
+    parser.add_argument(
+        "--scenario", choices=(*SCENARIOS, "all"), default="all", help="default: all"
+    )
+    parser.add_argument(
+        "--plant", choices=PLANTS, default="printed", help="default: printed"
+    )
+    parser.add_argument(
+        "--controllers",
+        nargs="+",
+        choices=CONTROLLERS,
+        default=list(PAPER_CONTROLLERS),
+        metavar="NAME",
+        help=f"any of {', '.join(CONTROLLERS)}; default: the paper's three",
+    )
+    parser.add_argument(
+        "--gains",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="FILE",
+        help="gains files, as `tune` writes them, each compared as one more "
+        "controller; `tuned`: those that come with jaxglider for this case",
+    )
+    add_dt(parser)
+    add_common(parser, "results/compare")
+
+
+def _add_simulate(commands: Any) -> None:
+    text = "run one mission from a TOML file"
+    parser = commands.add_parser("simulate", help=text, description=text + ".")
+    parser.add_argument(
+        "--config",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="mission file; `jaxglider init` writes one to start from",
+    )
+    parser.add_argument(
+        "--seed", type=seed, metavar="N", help="of the sea, instead of the file's"
+    )
+    add_controller_binary(parser)
+    add_common(parser, "results/simulate")
+
+
+def _add_init(commands: Any) -> None:
+    text = "write a commented mission file to start from"
+    parser = commands.add_parser("init", help=text, description=text + ".")
+    parser.add_argument(
+        "path",
+        nargs="?",
+        type=Path,
+        metavar="FILE",
+        help="default: mission.toml, or uncertainty.toml",
+    )
+    parser.add_argument(
+        "--uncertainty",
+        action="store_true",
+        help="write a file that says what is uncertain instead, for "
+        "`tune --uncertainty FILE`",
+    )
+    parser.add_argument("--force", action="store_true", help="replace an existing file")
+
+
+def _add_validate(commands: Any) -> None:
+    text = "check a mission file without running it"
+    parser = commands.add_parser("validate", help=text, description=text + ".")
+    parser.add_argument("path", type=Path, metavar="FILE")
+
+
+def _add_cache(commands: Any) -> None:
+    text = "show where compiled programs are kept, or clear them"
+    parser = commands.add_parser("cache", help=text, description=text + ".")
+    parser.add_argument("--clear", action="store_true", help="remove all of them")

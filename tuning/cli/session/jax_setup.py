@@ -1,0 +1,32 @@
+"""JAX set up for a command: precision, devices, and a cache of programs."""
+
+import os
+
+
+def start_jax(precision: int, *, every_core: bool = False) -> None:
+    """Set JAX up for a command: fast loops, precision, and a cache of programs.
+
+    Args:
+        precision: 32 or 64 bits.
+        every_core: make a device of each core of a CPU, unless the environment says
+            how many there are to be (JAX_NUM_CPU_DEVICES or a flag of XLA).
+    """
+    from jaxglider.core.compiler import cache_folder, enable_fast_loops
+
+    enable_fast_loops()
+    import jax
+
+    jax.config.update("jax_enable_x64", precision == 64)
+    told = "xla_force_host_platform_device_count" in os.environ.get("XLA_FLAGS", "")
+    if every_core and not told and "JAX_NUM_CPU_DEVICES" not in os.environ:
+        jax.config.update("jax_num_cpu_devices", _cores())
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+        jax.config.update("jax_compilation_cache_dir", str(cache_folder() / "programs"))
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:
+        return os.cpu_count() or 1

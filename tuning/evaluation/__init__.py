@@ -1,0 +1,1 @@
+"""What came of it: runs, held-out verdicts and their reports."""

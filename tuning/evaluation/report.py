@@ -1,0 +1,274 @@
+"""What tuning came to: before against after, on members it never saw."""
+
+import csv
+import io
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxglider.control import FxTPPC
+from jaxglider.files.writing import replacing, write_text
+from jaxglider.plotting import errors
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.rollout import Trajectory, simulate
+from tuning.evaluation.held_out import MEASURES
+from tuning.problem.objective import CHANNELS
+from tuning.problem.problem import Task
+from tuning.reporting.tables import figure, outcome
+from tuning.search.settings import Step
+
+_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
+_HELD_OUT = "The figures are of test members that neither descent nor choice has seen."
+_SAME = "The figures are of the one case tuned on: nothing is held out."
+
+
+def text_report(result: dict[str, Any]) -> str:
+    """The result as a table for a terminal."""
+    members = result["members"]
+    lines = [
+        f"{result['controller']}, {result['scenario']} on {result['plant']}: "
+        f"{result['method']}, {result['steps']} steps "
+        f"({result['refused']} refused) on "
+        f"{members['training']} members, {result['seconds']:.0f} s",
+        _judged_on(members),
+        f"{'':<16}"
+        + "".join(f"{m:>22}" for m in MEASURES.values())
+        + f"{'better':>10}",
+    ]
+    for channel, unit in _UNITS.items():
+        cells = ""
+        for measure in MEASURES:
+            row = result["held_out"][channel][measure]
+            cells += f"{_arrow(row['before'], row['after']):>22}"
+        row = result["held_out"][channel]["rms_error"]
+        cells += f"{row['better']:>5}/{row['pairs']}"
+        lines.append(f"{f'{channel} [{unit}]':<16}{cells}")
+    for name, counts in result["counts"].items():
+        lines.append(
+            f"{name:>7}: {counts['outside_funnel']} left a funnel, "
+            f"{counts['capsized']} rolled past 90 deg, "
+            f"{_unfinished(counts)}{counts['not_finite']} failed"
+        )
+    lines += [f"nominal {n}: {outcome(run)}" for n, run in result["nominal"].items()]
+    lines += [
+        f"{name:<42}{gain['before']:>12.5g} -> {gain['after']:<12.5g}"
+        for name, gain in result["gains"].items()
+    ]
+    return "\n".join(lines)
+
+
+def _unfinished(counts: dict[str, int]) -> str:
+    """For a course with waypoints alone."""
+    return f"{counts['unfinished']} did not finish, " if "unfinished" in counts else ""
+
+
+def _judged_on(members: dict[str, int]) -> str:
+    if members["training"] == 1:
+        return "the nominal case, the very one tuned on:"
+    return f"held-out test, {members['test']} members:"
+
+
+def _arrow(before: float | None, after: float | None) -> str:
+    return f"{figure(before)} -> {figure(after)}"
+
+
+def history_table(task: Task, history: list[Step]) -> str:
+    """The descent as CSV: one row a step, gains in their own units."""
+    table = io.StringIO()
+    rows = csv.writer(table)
+    head = ["step", "objective", "validation", "refused", "best", "learning_rate"]
+    rows.writerow([*head, *task.space.names])
+    for step in history:
+        gains = task.space.values(task.space.write(task.loop, step.free))
+        rows.writerow(
+            [
+                step.number,
+                step.loss,
+                step.validation,
+                int(step.refused),
+                int(step.best),
+                step.learning_rate,
+                *gains.values(),
+            ]
+        )
+    return table.getvalue()
+
+
+def write_report(
+    out: Path,
+    task: Task,
+    tuned: ClosedLoop,
+    history: list[Step],
+    result: dict[str, Any],
+) -> None:
+    """Write report.md and its figures."""
+    run = jax.jit(simulate)
+    sea = task.loop.scenario.sea(jax.random.key(0))
+    runs = {
+        "before": jax.device_get(run(task.loop, sea)),
+        "after": jax.device_get(run(tuned, sea)),
+    }
+    figures = {
+        "objective.png": _objective_figure(history),
+        "gains.png": _gains_figure(task, history),
+        "errors.png": _errors_figure(runs),
+    }
+    for name, drawn in figures.items():
+        with replacing(out / name) as temporary:
+            drawn.savefig(temporary, dpi=150)
+    settling = _settling_table(tuned, runs)
+    write_text(out / "report.md", _markdown(result, settling))
+
+
+def _objective_figure(history: list[Step]) -> Figure:
+    figure = Figure(figsize=(5.0, 3.2), layout="constrained")
+    axes = figure.subplots()
+    kept = [s for s in history if not s.refused]
+    refused = [s for s in history if s.refused]
+    numbers = [s.number for s in kept]
+    axes.plot(numbers, [s.loss for s in kept], color="#0072B2", label="training")
+    axes.plot(
+        numbers,
+        [s.validation for s in kept],
+        color="#D55E00",
+        ls="--",
+        label="validation",
+    )
+    top = max(
+        np.nanmax([s.loss for s in kept]), np.nanmax([s.validation for s in kept])
+    )
+    if refused:
+        axes.plot(
+            [s.number for s in refused],
+            [min(s.loss, top) if np.isfinite(s.loss) else top for s in refused],
+            "x",
+            color="0.4",
+            label="refused",
+        )
+    axes.set(xlabel="step", ylabel="objective", ylim=(0, 1.05 * top))
+    axes.grid(alpha=0.3)
+    axes.legend(loc="upper right")
+    return figure
+
+
+def _gains_figure(task: Task, history: list[Step]) -> Figure:
+    figure = Figure(figsize=(5.0, 4.2), layout="constrained")
+    axes = figure.subplots()
+    kept = [s for s in history if not s.refused]
+    values = [
+        list(task.space.values(task.space.write(task.loop, s.free)).values())
+        for s in kept
+    ]
+    ratios = np.asarray(values) / np.asarray(values[0])
+    styles = ("-", "--", "-.", ":")
+    prefixes = "controller.", "scenario.reference."
+    names = [_without(name, prefixes) for name in task.space.names]
+    largest = np.argsort(-np.abs(np.log(np.abs(ratios[-1]) + 1e-300)))[:8]
+    for rank, column in enumerate(sorted(largest)):
+        axes.semilogy(
+            [s.number for s in kept],
+            ratios[:, column],
+            ls=styles[rank % 4],
+            label=names[column],
+        )
+    title = "" if len(names) <= 8 else f" (8 of {len(names)} that moved most)"
+    axes.set(xlabel="step", ylabel=f"gain over its start{title}")
+    axes.grid(alpha=0.3, which="both")
+    # Eight names cover curves wherever they stand within the axes.
+    figure.legend(fontsize=7, ncols=2, loc="outside upper center", frameon=False)
+    return figure
+
+
+def _without(name: str, prefixes: tuple[str, ...]) -> str:
+    for prefix in prefixes:
+        name = name.removeprefix(prefix)
+    return name
+
+
+def _errors_figure(runs: dict[str, Trajectory]) -> Figure:
+    figure = Figure(figsize=(5.0, 5.6), layout="constrained")
+    errors(figure.subplots(3, sharex=True), runs)
+    return figure
+
+
+def _settling_table(tuned: ClosedLoop, runs: dict[str, Trajectory]) -> list[str]:
+    """The theory's settling bound beside the settling seen, for FxTPPC."""
+    law = getattr(tuned.controller, "law", tuned.controller)
+    if not isinstance(law, FxTPPC):
+        return []
+    rows = [
+        "| channel | bound 2 mu/min(k1, k2) [s] | longest time to stay within "
+        "the final bound, nominal [s] |",
+        "|---|---:|---:|",
+    ]
+    for channel in CHANNELS:
+        gains = getattr(law.gains, channel)
+        seen = settling_seen(runs["after"], channel)
+        rows.append(f"| {channel} | {float(gains.settling_bound()):.4g} | {seen} |")
+    return rows
+
+
+def settling_seen(run: Trajectory, channel: str) -> str:
+    """How long after a funnel's restart an error last left its final bound [s]."""
+    ticks = run.ticks
+    active = np.asarray(ticks.active)
+    limits = getattr(ticks.limits, channel)
+    lower, upper = np.asarray(limits.lower)[active], np.asarray(limits.upper)[active]
+    error = np.asarray(getattr(ticks.error, channel))[active]
+    clock = np.asarray(ticks.clock)[active]
+    outside = (error < lower.max()) | (error > upper.min())
+    if not np.any(outside):
+        return "0.0"
+    return f"{clock[outside].max():.1f}"
+
+
+def _markdown(result: dict[str, Any], settling: list[str]) -> str:
+    lines = [
+        f"# Tuning {result['controller']}: {result['scenario']} on {result['plant']}\n",
+        f"{result['steps']} steps, {result['refused']} refused, "
+        f"{result['seconds']:.0f} s. The gains are those best on the validation "
+        f"members. {_HELD_OUT if result['members']['training'] > 1 else _SAME}\n",
+    ]
+    lines += [f"> {text}" for text in result["notes"]]
+    lines += [
+        f"\n## {_judged_on(result['members'])[:-1].capitalize()}\n",
+        "| channel | measure | before | after | difference | 95 % interval | better |",
+        "|---|---|---:|---:|---:|---|---:|",
+    ]
+    for channel, unit in _UNITS.items():
+        for measure, title in MEASURES.items():
+            row = result["held_out"][channel][measure]
+            span = row["interval"]
+            words = "-" if span is None else f"[{span[0]:.3g}, {span[1]:.3g}]"
+            lines.append(
+                f"| {channel} [{unit}] | {title} | {_cell(row['before'])} | "
+                f"{_cell(row['after'])} | {_cell(row['difference'])} | {words} | "
+                f"{row['better']}/{row['pairs']} |"
+            )
+    lines.append("")
+    for name, counts in result["counts"].items():
+        lines.append(
+            f"- {name}: of {counts['members']} members {counts['outside_funnel']} left "
+            f"a funnel at some time, {counts['capsized']} rolled past 90 degrees, "
+            f"{_unfinished(counts)}{counts['not_finite']} became non-finite"
+        )
+    lines += ["\n## Nominal case\n"]
+    lines += [f"- {name}: {outcome(run)}" for name, run in result["nominal"].items()]
+    if settling:
+        lines += ["\n## Settling\n", *settling]
+    lines += ["\n## Gains\n", "| gain | before | after |", "|---|---:|---:|"]
+    for name, gain in result["gains"].items():
+        lines.append(f"| `{name}` | {gain['before']:.6g} | {gain['after']:.6g} |")
+    lines += [
+        "\n![objective](objective.png)\n",
+        "![gains](gains.png)\n",
+        "![errors](errors.png)",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"

@@ -1,0 +1,146 @@
+"""The commands that run closed loops and write what came of them."""
+
+import argparse
+import dataclasses
+import sys
+from pathlib import Path
+from typing import Any
+
+import jax
+
+from jaxglider.files.results import metrics_dict, write_trajectories
+from jaxglider.files.writing import provenance, write_json, write_text
+from jaxglider.plotting import save_all
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.rollout import Trajectory, simulate
+from tuning.reporting.console import Progress, note, print_result
+from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
+from tuning.reporting.tables import markdown_tables, text_table
+
+LABELS = {
+    "smc": "SMC",
+    "ppc": "PPC",
+    "fxtppc": "FxTPPC",
+    "fxtppc-roll": "FxTPPC-roll",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    """One run to make: where, by whom, the loop, and whether the paper has the case."""
+
+    scenario: str
+    plant: str
+    controller: str
+    loop: ClosedLoop
+    published: bool = True
+
+
+@dataclasses.dataclass(frozen=True)
+class Done:
+    """One run made, its trajectory on the host."""
+
+    entry: Entry
+    trajectory: Trajectory
+
+    def summary(self) -> dict[str, Any]:
+        """As it stands in metrics.json."""
+        return {
+            "scenario": self.entry.scenario,
+            "plant": self.entry.plant,
+            "controller": self.entry.controller,
+            "published_case": self.entry.published,
+            **metrics_dict(
+                self.trajectory.metrics,
+                has_waypoints=self.entry.loop.scenario.reference.can_finish,
+            ),
+        }
+
+
+def run_all(entries: list[Entry], seed: int) -> tuple[list[Done], bool]:
+    """Run the entries one after the other; an interruption keeps what is done.
+
+    Args:
+        entries: what to run.
+        seed: of the sea, the same for all.
+
+    Returns:
+        The runs made, and whether they were interrupted.
+    """
+    run = jax.jit(simulate)
+    progress, done = Progress(), []
+    try:
+        for number, entry in enumerate(entries, 1):
+            progress.show(
+                f"{number}/{len(entries)} {entry.scenario}, {entry.controller}: "
+                "compiling and running ..."
+            )
+            sea = entry.loop.scenario.sea(jax.random.key(seed))
+            done.append(Done(entry, jax.device_get(run(entry.loop, sea))))
+    except KeyboardInterrupt:
+        return done, True
+    finally:
+        progress.clear()
+    return done, False
+
+
+def report_runs(
+    options: argparse.Namespace, done: list[Done], interrupted: bool, seed: int
+) -> int:
+    """Print, write and draw what came of the runs."""
+    if not done:
+        note("interrupted before a run was finished; nothing is written.")
+        return INTERRUPTED
+    if interrupted:
+        note(f"interrupted; keeping {len(done)} finished of the runs.")
+    about = provenance(
+        command=sys.argv[1:],
+        seed=seed,
+        precision=options.precision,
+        partial=interrupted,
+    )
+    summaries = [one.summary() for one in done]
+    result = {"runs": summaries, "provenance": about}
+    tables = []
+    for key in dict.fromkeys((s["scenario"], s["plant"]) for s in summaries):
+        group = [s for s in summaries if (s["scenario"], s["plant"]) == key]
+        tables.append(text_table(group) + "\n")
+    print_result(result, "\n".join(tables), as_json=options.json)
+    _write(options.out, done, result)
+    failed = [s for s in summaries if not s["finite"]]
+    for run in failed:
+        note(f"{run['scenario']}, {run['controller']}: the run became non-finite.")
+    if interrupted:
+        return INTERRUPTED
+    return RUN_FAILED if failed else OK
+
+
+def _write(out: Path, done: list[Done], result: dict[str, Any]) -> None:
+    progress = Progress()
+    progress.show(f"writing to {out} ...")
+    write_json(out / "metrics.json", result)
+    write_text(out / "tables.md", markdown_tables(result["runs"]))
+    runs = {
+        f"{d.entry.scenario}/{d.entry.plant}/{d.entry.controller}": d.trajectory
+        for d in done
+    }
+    write_trajectories(out / "trajectories.nc", runs, result["provenance"])
+    figures = 0
+    for scenario in dict.fromkeys(d.entry.scenario for d in done):
+        progress.show(f"drawing {scenario} ...")
+        group = [d for d in done if d.entry.scenario == scenario]
+        labelled = {_label(d.entry.controller): d.trajectory for d in group}
+        folder = out / "figures" / _file_name(scenario)
+        figures += len(save_all(folder, group[0].entry.loop.scenario, labelled))
+    progress.clear()
+    note(f"{out}: metrics.json, tables.md, trajectories.nc and {figures} figures.")
+
+
+def _label(controller: str) -> str:
+    kind, _, rest = controller.partition(" ")
+    return f"{LABELS.get(kind, kind)} {rest}".strip()
+
+
+def _file_name(text: str) -> str:
+    kept = "".join(c if c.isalnum() or c in "-_." else "-" for c in text)
+    return kept.strip(".") or "run"

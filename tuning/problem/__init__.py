@@ -1,0 +1,1 @@
+"""What is tuned: case, gains, members, objective."""

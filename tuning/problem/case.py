@@ -1,0 +1,134 @@
+"""The task that gains are for: one of the paper's cases, or a mission file."""
+
+import argparse
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import tomli_w
+
+from jaxglider import paper
+from jaxglider.files.gains import encode_law
+from jaxglider.files.mission import Mission, load_mission, paper_case
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.scenario import Clock, Scenario
+from jaxglider.vehicle.design_model import DesignModel
+from tuning.problem.gain_sets import MISSION, Gains, resolve
+
+DT = 0.05
+"""Control tick where none is given [s]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A task and what its controllers are designed with.
+
+    Attributes:
+        title: `switching`, `waypoints`, or the mission's name.
+        kind: of the paper's cases, the one whose gains and funnel stand in for what is
+            left out.
+        plant: name of the plant.
+        scenario: with the funnel that all laws are judged by, whatever becomes of
+            their own.
+        model: design model.
+        own: gains of the mission file, or None.
+    """
+
+    title: str
+    kind: str
+    plant: str
+    scenario: Scenario
+    model: DesignModel
+    own: Gains | None = None
+
+    @classmethod
+    def of_paper(
+        cls, kind: str, plant: str, dt: float | None, duration: float | None
+    ) -> "Case":
+        """One of the paper's cases.
+
+        Args:
+            kind: `switching` or `waypoints`.
+            plant: name of the plant.
+            dt: control tick [s]; 0.05 by default.
+            duration: horizon [s]; the case's own by default.
+
+        Raises:
+            ValueError: a number is out of range.
+        """
+        scenario = paper.make_scenario(kind, plant, dt=dt or DT, duration=duration)
+        scenario = dataclasses.replace(scenario, funnel=paper.funnel(kind))
+        return cls(kind, kind, plant, scenario, paper.design_model(scenario.plant))
+
+    @classmethod
+    def of_mission(cls, mission: Mission, duration: float | None = None) -> "Case":
+        """The task of a mission, judged by its funnel or else its controller's.
+
+        Args:
+            mission: from a file.
+            duration: another horizon [s].
+
+        Raises:
+            ValueError: the duration is out of range.
+        """
+        loop, scenario = mission.loop, mission.loop.scenario
+        if duration is not None:
+            clock = scenario.clock
+            clock = Clock.lasting(duration, float(clock.dt), clock.substeps)
+            scenario = dataclasses.replace(scenario, clock=clock)
+        if scenario.funnel is None:
+            funnel: Any = getattr(loop.controller, "funnel", None)
+            scenario = dataclasses.replace(scenario, funnel=funnel)
+        return cls(
+            mission.name,
+            paper_case(scenario.reference.can_finish),
+            mission.plant,
+            scenario,
+            loop.controller.model,  # type: ignore[attr-defined]
+            Gains(
+                f"{mission.controller} ({MISSION})",
+                MISSION,
+                tomli_w.dumps(encode_law(loop)),
+            ),
+        )
+
+    @classmethod
+    def of_options(cls, options: argparse.Namespace) -> "Case":
+        """The case that a command is told: `--config`, or `--scenario` and `--plant`.
+
+        Raises:
+            ValueError: options that do not go together, or a file that cannot be used.
+        """
+        refuse_beside_mission(options)
+        if options.config is not None:
+            return cls.of_mission(load_mission(options.config), options.duration)
+        scenario = options.scenario or "switching"
+        plant = options.plant or "rigid-body"
+        return cls.of_paper(scenario, plant, options.dt, options.duration)
+
+    def resolve(
+        self, words: Sequence[str], controllers: Sequence[str]
+    ) -> tuple[Gains, ...]:
+        """The sets of gains that words and file names stand for here."""
+        return resolve(words, controllers, self.kind, self.plant, self.own)
+
+    def loop(self, gains: Gains) -> tuple[str, ClosedLoop]:
+        """The kind of controller of a set of gains, and the closed loop with it."""
+        law = gains.load(self.kind, self.model)
+        return law.kind, law.on(self.scenario)
+
+
+def refuse_beside_mission(options: argparse.Namespace) -> None:
+    """Refuse options that say again what a mission file says.
+
+    Raises:
+        ValueError: names the option.
+    """
+    if options.config is None:
+        return
+    for name in ("scenario", "plant", "dt"):
+        if getattr(options, name) is not None:
+            raise ValueError(
+                f"--{name} does not go with --config; the mission file "
+                f"{options.config} says it itself. Leave it out."
+            )

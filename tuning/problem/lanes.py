@@ -1,0 +1,89 @@
+"""The objective of sets of free numbers on an ensemble, as lanes of one batch."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from jaxglider.core.batching import map_members
+from jaxglider.core.containers import Scalar, Series
+from tuning.problem.objective import Aggregate
+
+Loss = Callable[[Series, Any], Scalar]
+
+POOR, FAILED = 2.5, 7.5
+"""Objective from which a run counts by its logarithm, and what a failed one counts, in
+units of what a run like the start costs; see `Objective.unit`."""
+
+
+def losses(
+    loss: Loss,
+    rows: jax.Array,
+    members: Any,
+    aggregate: Aggregate,
+    unit: float,
+    devices: Sequence[jax.Device] | None = None,
+) -> Series:
+    """The objective of each row of free numbers over all members; pure.
+
+    Args:
+        loss: of free numbers and one member.
+        rows: free numbers, one row each.
+        members: one leading axis.
+        aggregate: how members' objectives become one.
+        unit: what a run like the start costs.
+        devices: to spread the lanes over.
+    """
+    values = member_losses(loss, rows, members, unit, devices)
+    return jax.vmap(aggregate)(values)[0]
+
+
+def member_losses(
+    loss: Loss,
+    rows: jax.Array,
+    members: Any,
+    unit: float,
+    devices: Sequence[jax.Device] | None = None,
+) -> jax.Array:
+    """The objective of each row on each member, as it counts; see `losses`."""
+    count = size(members)
+    copies = jnp.repeat(rows[:, None], count, axis=1)
+    values = map_members(
+        lambda lane: loss(*lane), paired(copies, members), devices=devices
+    )
+    return counted(values.reshape(-1, count), unit)
+
+
+def paired(copies: jax.Array, members: Any) -> tuple[jax.Array, Any]:
+    """Every row's copies beside the members, as one axis of lanes.
+
+    Args:
+        copies: free numbers; rows, then copies of each, a multiple of the members.
+        members: one leading axis.
+    """
+    times = copies.shape[1] // size(members)
+
+    def spread(x: jax.Array) -> jax.Array:
+        each = jnp.repeat(x, times, axis=0)
+        return jnp.tile(each, (copies.shape[0], *(1,) * (x.ndim - 1)))
+
+    return copies.reshape(-1, copies.shape[2]), jax.tree.map(spread, members)
+
+
+def counted(values: jax.Array, unit: float) -> jax.Array:
+    """The objectives as they count: J, above a poor one's J₀ only J₀ (1 + log(J/J₀)).
+
+    At most what a failed run counts, 3 J₀. A run that is lost may come to thousands, or
+    to nothing finite: one must not drown the others, but the less lost of two must
+    still count less.
+    """
+    poor, failed = POOR * unit, FAILED * unit
+    beyond = poor * (1.0 + jnp.log(jnp.maximum(values, poor) / poor))
+    value = jnp.minimum(jnp.where(values > poor, beyond, values), failed)
+    return jnp.where(jnp.isfinite(values), value, failed)
+
+
+def size(members: Any) -> int:
+    """How many members an ensemble has."""
+    return int(jax.tree.leaves(members)[0].shape[0])

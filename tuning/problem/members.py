@@ -1,0 +1,48 @@
+"""The ensembles that gains are tuned on and judged by: gliders, seas, starts.
+
+Member i of a set depends on the seed, the set and i alone. The sets have streams of
+their own, so no member is in two of them, whatever the seed.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import jax.random as jr
+
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.uncertainty.members import Member, Uncertainty
+from jaxglider.uncertainty.sampling import MonteCarlo
+
+TRAINING, VALIDATION, TEST, SWEEP, SENSITIVITY = range(5)
+
+
+def nominal_member(loop: ClosedLoop) -> Member:
+    """The loop's own glider and sea, as an ensemble of one."""
+    return Member({}, jr.key_data(jr.key(0))[None])
+
+
+def sample_members(
+    uncertainty: Uncertainty, seed: int, kind: int, count: int
+) -> Member:
+    """An ensemble of independent members.
+
+    Args:
+        uncertainty: what differs from member to member.
+        seed: of all sets.
+        kind: `TRAINING`, `VALIDATION`, `TEST` or `SWEEP`.
+        count: number of members.
+
+    Raises:
+        ValueError: `count` is below one.
+    """
+    if count < 1:
+        raise ValueError(f"members must be at least 1; received {count}.")
+    design = MonteCarlo(seed, uncertainty.names(), kind)
+    return uncertainty.sample(design, keys_of(seed, kind, jnp.arange(count)))
+
+
+def keys_of(seed: int, kind: int, numbers: Any) -> jax.Array:
+    """Keys for what is left to chance within the runs of these members of a set."""
+    root = jr.fold_in(jr.key(seed), kind)
+    return jax.vmap(lambda number: jr.fold_in(root, number))(jnp.asarray(numbers))

@@ -1,0 +1,209 @@
+"""What tuning makes small: a weighted sum for each member, and one number for all.
+
+Tracking, effort and chattering are each taken relative to what the starting gains give
+on the nominal case, so weights can be read. Of the smooth penalties, `crowding` keeps
+the errors inside their funnels, `roll` the glider upright, and `saturation` the command
+within what the actuators follow.
+
+A cost of the user's own takes the place of all this: see `load_cost`.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from jaxglider.core.containers import Scalar, Series
+from jaxglider.simulation.metrics import Metrics
+
+CHANNELS = ("depth", "pitch", "heading")
+UNIT = 7.5
+"""What a run that tracks like the start costs with the default weights."""
+Cost = Callable[[Metrics, Metrics], Scalar]
+
+
+@dataclasses.dataclass(frozen=True)
+class Weights:
+    """How much each term counts.
+
+    A term of the channels takes one number for all three, or three in their order.
+
+    Attributes:
+        tracking: L2[e] over its start, each channel.
+        effort: L2[U] over its start, each channel.
+        chattering: L2[ΔU] over its start, each channel.
+        crowding: share of the time at the edge of its funnel or beyond, smooth.
+        roll: max(max |φ| − roll_limit, 0)² [rad²].
+        roll_limit: largest roll that costs nothing [rad].
+        saturation: smooth share of the command that the actuators do not follow.
+
+    Raises:
+        ValueError: a weight is negative or not finite, or all are zero.
+    """
+
+    tracking: float | tuple[float, ...] = 1.0
+    effort: float | tuple[float, ...] = 0.0
+    chattering: float | tuple[float, ...] = 0.0
+    crowding: float | tuple[float, ...] = 0.0
+    roll: float = 0.0
+    roll_limit: float = 1.5
+    saturation: float | tuple[float, ...] = 0.0
+
+    def __post_init__(self) -> None:
+        values = {
+            field.name: by_channel(getattr(self, field.name))
+            for field in dataclasses.fields(self)
+        }
+        for name, weights in values.items():
+            if len(weights) != len(CHANNELS):
+                raise ValueError(
+                    f"weight {name} must be one number or three, for "
+                    f"{', '.join(CHANNELS)}; received {list(weights)}."
+                )
+            if not all(0.0 <= value < float("inf") for value in weights):
+                raise ValueError(
+                    f"weight {name} must be zero or positive; "
+                    f"received {getattr(self, name)}."
+                )
+        if not any(any(v) for name, v in values.items() if name != "roll_limit"):
+            raise ValueError("all weights are zero: nothing to tune for.")
+
+
+def by_channel(weight: float | tuple[float, ...]) -> tuple[float, ...]:
+    """A weight for each channel."""
+    return weight if isinstance(weight, tuple) else (weight,) * len(CHANNELS)
+
+
+TERMS = {
+    # term of the channels: its measure, and whether it is relative to the start
+    "tracking": ("rms_error", True),
+    "effort": ("rms_effort", True),
+    "chattering": ("chattering", True),
+    "crowding": ("funnel_crowding", False),
+    "saturation": ("saturation_excess", False),
+}
+
+
+class Objective(eqx.Module):
+    """The cost of one rollout.
+
+    Attributes:
+        start: metrics with the starting gains, what the terms are relative to.
+        weights: how much each term counts.
+        cost: of the user's own, taken instead; see `load_cost`.
+    """
+
+    start: Metrics
+    weights: Weights = eqx.field(static=True, default=Weights())
+    cost: Cost | None = eqx.field(static=True, default=None)
+
+    def __call__(self, metrics: Metrics) -> Scalar:
+        """The weighted sum of the terms, or the user's own cost."""
+        if self.cost is not None:
+            return self.cost(metrics, self.start)
+        total = self.weights.roll * self.roll_excess(metrics)
+        for name, values in self.terms(metrics).items():
+            for weight, value in zip(
+                by_channel(getattr(self.weights, name)), values, strict=True
+            ):
+                total = total + weight * value
+        return total
+
+    def unit(self) -> float:
+        """What a run like the start costs: the scale of poor and of failed ones.
+
+        The weights of tracking together, or, where there are none, those of the next
+        terms that have any. With a cost of the user's own, that of the start.
+
+        Raises:
+            ValueError: the user's cost is not positive there.
+        """
+        if self.cost is not None:
+            try:
+                value = float(self.cost(self.start, self.start))
+            except TypeError as error:
+                raise ValueError(f"--cost must give one number: {error}") from error
+            if not 0.0 < value < float("inf"):
+                raise ValueError(
+                    "--cost must be positive at the start, on the nominal case, to "
+                    f"tell a poor run from a good one; it gives {value:g}. Add a "
+                    "constant to it."
+                )
+            return value
+        kinds = ("tracking",), ("effort", "chattering"), ("crowding", "saturation")
+        for names in kinds:
+            total = sum(sum(by_channel(getattr(self.weights, n))) for n in names)
+            if total > 0.0:
+                return total
+        return self.weights.roll
+
+    def terms(self, metrics: Metrics) -> dict[str, tuple[Scalar, ...]]:
+        """Each term of the channels without its weights, in their order."""
+        return {name: self._channels(metrics, *how) for name, how in TERMS.items()}
+
+    def roll_excess(self, metrics: Metrics) -> Scalar:
+        """max(max |φ| − roll_limit, 0)² [rad²]."""
+        over = jnp.maximum(metrics.max_roll - self.weights.roll_limit, 0.0)
+        return over * over
+
+    def _channels(
+        self, metrics: Metrics, measure: str, relative: bool
+    ) -> tuple[Scalar, ...]:
+        def value(of: Metrics, channel: str) -> Scalar:
+            return getattr(getattr(of.channels, channel), measure)
+
+        if not relative:
+            return tuple(value(metrics, c) for c in CHANNELS)
+        return tuple(
+            value(metrics, c) / (value(self.start, c) + 1e-12) for c in CHANNELS
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class Aggregate:
+    """How the costs of members become one number: Σ wᵢ Jᵢ with Σ wᵢ = 1.
+
+    `mean` weighs all alike, `cvar` the worst share alone, `worst` by a softmax of the
+    costs. The gradient of each is Σ wᵢ ∇Jᵢ with the same weights (for `worst` that of
+    the soft maximum, log-mean-exp, whose value is then reported).
+
+    Attributes:
+        kind: `mean`, `cvar` or `worst`.
+        share: of the members that `cvar` averages, in (0, 1].
+        sharpness: of the softmax, per unit of cost.
+
+    Raises:
+        ValueError: an unknown kind, or a number outside its range.
+    """
+
+    kind: str = "mean"
+    share: float = 0.2
+    sharpness: float = 5.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("mean", "cvar", "worst"):
+            raise ValueError(
+                f"aggregate must be one of mean, cvar, worst; received {self.kind!r}."
+            )
+        if not 0.0 < self.share <= 1.0 or not self.sharpness > 0.0:
+            raise ValueError(
+                "share must be in (0, 1] and sharpness positive; "
+                f"received {self.share} and {self.sharpness}."
+            )
+
+    def __call__(self, costs: Series) -> tuple[Scalar, Series]:
+        """The number, and the weight of each member."""
+        count = costs.shape[0]
+        if self.kind == "mean":
+            return jnp.mean(costs), jnp.full_like(costs, 1.0 / count)
+        if self.kind == "worst":
+            scaled = self.sharpness * costs
+            weights = jax.nn.softmax(scaled)
+            value = (jax.nn.logsumexp(scaled) - jnp.log(count)) / self.sharpness
+            return value, weights
+        # Rank from the worst; the last one counted may count in part.
+        rank = jnp.argsort(jnp.argsort(-costs)).astype(costs.dtype)
+        weights = jnp.clip(self.share * count - rank, 0.0, 1.0) / (self.share * count)
+        return jnp.sum(jnp.where(weights > 0.0, weights * costs, 0.0)), weights

@@ -1,0 +1,135 @@
+"""Results as tables for a terminal and as Markdown."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from jaxglider import paper
+
+CAVEAT = (
+    "The printed values are shown as they stand in the paper. Its transient values are "
+    "partly below its own root mean square of the same error, its heading efforts lie "
+    "above the actuator's limit of pi/2 and its SMC heading errors above pi: its units "
+    "or windows are not those it defines, so read the columns side by side with care."
+)
+_PAPER_ROWS = {
+    "transient": ("max_error", "max abs(e)"),
+    "average_tracking": ("rms_error", "L2[e]"),
+    "average_effort": ("rms_effort", "L2[U]"),
+    "chattering": ("chattering", "L2[dU]"),
+}
+_OWN_ROWS = {
+    "max_error_settled": ("max_error_settled", "max error settled"),
+    "time_outside_funnel": ("time_outside_funnel", "time outside funnel"),
+    "time_saturated": ("time_saturated", "time saturated"),
+}
+_COLUMNS = {
+    "max_error": "max|e|",
+    "max_error_settled": "settled",
+    "rms_error": "L2[e]",
+    "rms_effort": "L2[U]",
+    "chattering": "chatter",
+    "time_outside_funnel": "outside",
+}
+_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
+
+
+def text_table(runs: list[dict[str, Any]]) -> str:
+    """Runs of one scenario and plant as text for a terminal."""
+    first = runs[0]
+    wide = max(10, *(len(r["controller"]) for r in runs)) + 2
+    head = "".join(f"{title:>10}" for title in _COLUMNS.values())
+    compared = any(_is_printed(run) for run in runs)
+    lines = [
+        f"{first['scenario']} on {first['plant']}",
+        f"{'channel':<14}{'controller':<{wide}}{head}"
+        + (f"{'paper L2[e]':>13}" if compared else ""),
+    ]
+    for channel, unit in _UNITS.items():
+        for run in runs:
+            measures = run["channels"][channel]
+            cells = "".join(f"{figure(measures[k]):>10}" for k in _COLUMNS)
+            if compared:
+                cells += f"{figure(_printed(run, channel, 'average_tracking')):>13}"
+            lines.append(
+                f"{f'{channel} [{unit}]':<14}{run['controller']:<{wide}}{cells}"
+            )
+    lines += [f"{r['controller']:>{wide}}: {outcome(r)}" for r in runs]
+    return "\n".join(lines)
+
+
+def outcome(run: dict[str, Any]) -> str:
+    """How a run ended, in words."""
+    roll = run["max_roll_rad"]
+    turned = "unknown" if roll is None else f"{roll:.2f} rad"
+    words = [f"{run['end_time_s']:.1f} s"]
+    if run["waypoints_reached"] is not None:
+        words.append(f"{run['waypoints_reached']} waypoints reached")
+    words.append(f"max roll {turned}")
+    if not run["finite"]:
+        words.append("FAILED: not finite")
+    elif run["capsized"]:
+        words.append("ROLLED OVER" if roll and roll > 3.15 else "rolled past 90 deg")
+    return ", ".join(words)
+
+
+def markdown_tables(runs: list[dict[str, Any]]) -> str:
+    """All runs, beside the paper's printed tables where they have them."""
+    parts = ["# Control performance\n"]
+    if any(_is_printed(run) for run in runs):
+        parts += [CAVEAT, ""]
+    for scenario, plant in dict.fromkeys((r["scenario"], r["plant"]) for r in runs):
+        group = [r for r in runs if (r["scenario"], r["plant"]) == (scenario, plant)]
+        parts += [f"\n## {scenario} on {plant}\n", *_markdown_group(group), ""]
+        parts += [f"- {r['controller']}: {outcome(r)}" for r in group]
+    return "\n".join(parts) + "\n"
+
+
+def _markdown_group(group: list[dict[str, Any]]) -> list[str]:
+    titles = []
+    for run in group:
+        if _is_printed(run):
+            titles.append(f"{run['controller']} paper")
+        titles.append(f"{run['controller']} here")
+    rows = [
+        "| channel | measure | " + " | ".join(titles) + " |",
+        "|---|---|" + "---:|" * len(titles),
+    ]
+    for channel, unit in _UNITS.items():
+        for row, (key, title) in {**_PAPER_ROWS, **_OWN_ROWS}.items():
+            cells = []
+            for run in group:
+                if _is_printed(run):
+                    cells.append(figure(_printed(run, channel, row)))
+                cells.append(figure(run["channels"][channel][key]))
+            of = channel if row.startswith("time") else f"{channel} [{unit}]"
+            rows.append(f"| {of} | {title} | " + " | ".join(cells) + " |")
+    return rows
+
+
+def _is_printed(run: dict[str, Any]) -> bool:
+    """Whether the paper has a column for a run: not for a mission of the same name."""
+    return run["published_case"] and run["controller"] in paper.CONTROLLERS
+
+
+def _printed(run: dict[str, Any], channel: str, row: str) -> float | None:
+    if row in _OWN_ROWS or not _is_printed(run):
+        return None
+    return paper.printed_value(run["scenario"], channel, run["controller"], row)
+
+
+def figure(value: float | None) -> str:
+    """A number in a table; a dash for none."""
+    if value is None:
+        return "-"
+    if value == 0.0 or 1e-3 <= abs(value) < 1e4:
+        return f"{value:.4f}"
+    return f"{value:.2e}"
+
+
+def markdown_table(
+    head: Sequence[str], rows: Sequence[Sequence[str]], left: int
+) -> list[str]:
+    """A Markdown table, its first columns to the left."""
+    rule = ["---"] * left + ["---:"] * (len(head) - left)
+    lines = ["| " + " | ".join(row) + " |" for row in (head, rule, *rows)]
+    return [*lines, ""]

@@ -1,0 +1,1 @@
+"""How better gains are sought: descent, evolution, rescue, checkpoints."""

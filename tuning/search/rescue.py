@@ -1,0 +1,94 @@
+"""A start for gains that cannot be descended from: the best that a short search finds.
+
+Where most runs are lost their gradients lead nowhere, but a few hundred draws tell
+which way the gliders survive.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from jaxglider.core.containers import Series
+from tuning.problem.lanes import size
+from tuning.problem.problem import Task
+from tuning.search.evolution import cma_es
+
+LOST = 2.0
+"""Objective from which a start is exchanged, in units of what a run like it costs on
+the nominal case; the paper's gains, where they fly, come to 1.5."""
+GENERATIONS, DRAWS, SPREAD = 12, 64, 0.5
+"""Of the search at most; of a generation; and in the logarithm of a gain."""
+ENOUGH = 1.25
+"""Objective, in the same units, with which the search ends early: few runs, if any, are
+lost."""
+
+
+class Found(NamedTuple):
+    """What the search came to.
+
+    Attributes:
+        free: the best free numbers.
+        rollouts: spent.
+        said: what was done, in words.
+    """
+
+    free: Series
+    rollouts: int
+    said: str
+
+
+def is_lost(objectives: Series, unit: float) -> bool:
+    """Whether no start is worth a descent, by the objective of each."""
+    return bool(jnp.min(objectives) >= LOST * unit)
+
+
+def promising_start(
+    task: Task,
+    free: Series,
+    objective: float,
+    seed: int,
+    tell: Callable[[str], None] = lambda text: None,
+) -> Found:
+    """Where to descend from instead of gains that lose the glider.
+
+    CMA-ES on the training members, until few of them are lost.
+
+    Args:
+        task: what to tune.
+        free: the gains as given.
+        objective: theirs.
+        seed: of the draws.
+        tell: is told how far it is.
+    """
+    run = task.losses_on(task.training)
+    members = size(task.training)
+    budget = (1 + DRAWS * GENERATIONS) * members
+    found = []
+    search = cma_es(
+        run, free, budget, DRAWS, SPREAD, seed, members=members, known=objective
+    )
+    for step in search:
+        found.append(step)
+        tell(
+            f"the starting gains lose the glider; searching: generation "
+            f"{step.number}/{GENERATIONS}  objective {step.loss:.3g}"
+        )
+        if step.loss < ENOUGH * task.unit:
+            break
+    given, best = found[0].loss, min(found, key=lambda step: step.loss)
+    spent = found[-1].rollouts
+    if not best.loss < given:
+        return Found(
+            free,
+            spent,
+            f"the starting gains lose the glider (objective {given:.3g}), and so do "
+            f"{DRAWS * GENERATIONS} others around them; descending all the same.",
+        )
+    return Found(
+        best.free,
+        spent,
+        f"the starting gains lose the glider (objective {given:.3g}): descending "
+        f"from the best that {best.number} generations of a search came to "
+        f"({best.loss:.3g}).",
+    )

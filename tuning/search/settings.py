@@ -1,0 +1,186 @@
+"""How to descend, where a descent stands, and what it reports of a step."""
+
+import dataclasses
+import difflib
+import inspect
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+
+from jaxglider.core.containers import Series
+from tuning.problem.objective import Aggregate
+from tuning.search.evolution import GRADIENT_COST
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """How to descend.
+
+    Attributes:
+        steps: number of gradient steps.
+        learning_rate: of the first step, in free numbers (the logarithm of a gain).
+        optimiser: name of an optimiser of optax.
+        batch: members of a gradient, in turn; all where not the mean is sought.
+        copies: fewest lanes of a gradient; fewer members are used more than once.
+        spread: standard deviation of the copies, in free numbers.
+        worse: a step to more than this times the best objective is refused.
+        patience: stop after this many steps without progress on the validation set.
+        progress: what counts as progress, relative.
+        starts: number of descents side by side; all but the first from scattered gains.
+        start_spread: standard deviation of the starts, in free numbers.
+        seed: of copies and starts.
+
+    Raises:
+        ValueError: a number outside its range, or an unknown optimiser.
+    """
+
+    steps: int = 120
+    learning_rate: float = 0.3
+    optimiser: str = "adam"
+    batch: int = 8
+    copies: int = 8
+    spread: float = 0.05
+    worse: float = 1.5
+    patience: int = 80
+    progress: float = 1e-3
+    starts: int = 1
+    start_spread: float = 0.5
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        make_optimiser(self.optimiser)
+        rules = {
+            "steps": (self.steps >= 1, "at least 1"),
+            "learning_rate": (0.0 < self.learning_rate < float("inf"), "positive"),
+            "batch": (self.batch >= 1, "at least 1"),
+            "copies": (self.copies >= 1, "at least 1"),
+            "spread": (0.0 <= self.spread < float("inf"), "zero or positive"),
+            "worse": (self.worse > 1.0, "above 1"),
+            "patience": (self.patience >= 1, "at least 1"),
+            "progress": (self.progress >= 0.0, "zero or positive"),
+            "starts": (self.starts >= 1, "at least 1"),
+            "start_spread": (0.0 < self.start_spread < float("inf"), "positive"),
+        }
+        for name, (holds, rule) in rules.items():
+            if not holds:
+                raise ValueError(
+                    f"{name.replace('_', '-')} must be {rule}; "
+                    f"received {getattr(self, name)}."
+                )
+
+    def batch_of(self, members: int, aggregate: Aggregate) -> int:
+        """Members of a gradient: a rank or a softmax needs them all."""
+        return members if aggregate.kind != "mean" else min(self.batch, members)
+
+    def gradient_cost(self, members: int, aggregate: Aggregate) -> int:
+        """Rollouts that a step counts as: its gradient, and the loss that judges it."""
+        batch = self.batch_of(members, aggregate)
+        lanes = batch * -(-self.copies // batch)
+        return GRADIENT_COST * lanes + members
+
+
+class State(eqx.Module):
+    """Where the descents stand, one row each: all that their next step depends on.
+
+    Attributes:
+        number: steps made.
+        free: free numbers now.
+        slope: gradient there.
+        loss: objective there.
+        optimiser: its state.
+        shrink: share of the learning rate in force.
+        best_free: where the objective was lowest.
+        best_slope: the gradient there.
+        best_loss: the objective there.
+        chosen: free numbers that are best on the validation set.
+        chosen_loss: validation objective there.
+        since: steps since the validation objective last made progress.
+        blind: steps in a row without a finite gradient in any lane.
+    """
+
+    number: jax.Array
+    free: jax.Array
+    slope: jax.Array
+    loss: Series
+    optimiser: Any
+    shrink: Series
+    best_free: jax.Array
+    best_slope: jax.Array
+    best_loss: Series
+    chosen: jax.Array
+    chosen_loss: Series
+    since: jax.Array
+    blind: jax.Array
+
+    def leader(self) -> int:
+        """The descent that is best on the validation set so far."""
+        return int(np.argmin(np.asarray(self.chosen_loss)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """One step, of the descent that leads after it, as reported.
+
+    Attributes:
+        number: of the step; 0 is the start.
+        loss: objective of the training members.
+        validation: objective of the validation members, at the gains themselves.
+        free: free numbers that were tried.
+        refused: they were not taken.
+        best: they are the best so far on the validation set.
+        learning_rate: in force.
+    """
+
+    number: int
+    loss: float
+    validation: float
+    free: Series
+    refused: bool
+    best: bool
+    learning_rate: float
+
+
+def make_optimiser(name: str) -> optax.GradientTransformation:
+    """The optimiser of optax of this name, with a learning rate of one.
+
+    Args:
+        name: as `adam`, `rmsprop` or `lion`.
+
+    Raises:
+        ValueError: optax has none of this name that needs a gradient alone.
+    """
+    make = getattr(optax, name, None)
+    if callable(make) and "learning_rate" in _parameters(make):
+        try:
+            optimiser = make(learning_rate=1.0)
+            at = jnp.zeros(2)
+            optimiser.update(at, optimiser.init(at), at)
+        except TypeError:
+            pass
+        else:
+            return optimiser
+    known = [
+        n
+        for n in dir(optax)
+        if n.islower()
+        and n != name
+        and "learning_rate" in _parameters(getattr(optax, n))
+    ]
+    near = difflib.get_close_matches(name, known, 3) or ["adam", "rmsprop", "sgd"]
+    raise ValueError(
+        "optimizer must be one of optax that needs nothing but a gradient and a "
+        f"learning rate, as {', '.join(near)}; received {name!r}."
+    )
+
+
+def _parameters(thing: object) -> tuple[str, ...]:
+    if not callable(thing):
+        return ()
+    try:
+        return tuple(inspect.signature(thing).parameters)
+    except (TypeError, ValueError):
+        return ()

@@ -1,0 +1,1 @@
+"""The free numbers: bijections, coordinates, and a start inside the sets."""

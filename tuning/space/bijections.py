@@ -1,0 +1,236 @@
+"""From any real number to a number inside a set, and back.
+
+A gain x in a set of the theory is written as a free number z without bounds:
+
+positive           x = exp(z)
+above an edge      x = edge (1 + m) + exp(z)
+below an edge      x = edge (1 − m) / (1 + exp(−z)), and above zero
+
+The edge may depend on another gain. So every z gives a gain inside its set, nothing is
+ever clipped, and far from the edges a step in z is a ratio of gains.
+
+Rounding has no place for a number closer to its edge than its precision, hence the
+margin m: it is wide enough for single precision, and for gains written in one precision
+to be read in the other. And exp(z) has no place for any z: beyond ±20 the free number
+is bent smoothly so that it stays within ±30, gains between 1e-13 and 1e13.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxglider.core.containers import Scalar, Series
+
+MARGIN = 1e-5
+"""m: share of an edge by which a gain stays clear of it."""
+
+_KNEE, _ROOM = 20.0, 10.0
+
+Number = float | np.ndarray
+
+
+def bend(free: Series) -> Series:
+    """z for |z| ≤ 20, then ±(20 + 10 tanh((|z| − 20)/10)): smooth, within ±30."""
+    size = jnp.abs(free)
+    tail = jnp.tanh(jnp.maximum(size - _KNEE, 0.0) / _ROOM)
+    return jnp.where(size <= _KNEE, free, jnp.sign(free) * (_KNEE + _ROOM * tail))
+
+
+def unbend(bent: np.ndarray) -> np.ndarray:
+    """The inverse of `bend`, for numbers within ±30; plain NumPy, not to be traced."""
+    size = np.abs(bent)
+    tail = np.arctanh(np.maximum(size - _KNEE, 0.0) / _ROOM)
+    return np.where(size <= _KNEE, bent, np.sign(bent) * (_KNEE + _ROOM * tail))
+
+
+@dataclasses.dataclass(frozen=True)
+class Positive:
+    """x = exp(z); the edge is not used."""
+
+    def stretch(self, bent: Series) -> Series:
+        """The part that does not need the edge."""
+        return jnp.exp(bent)
+
+    def place(self, grown: Scalar, edge: Scalar | float) -> Scalar:
+        """The gain, from `stretch` and the edge."""
+        return grown
+
+    def inverse(self, gain: Number, edge: float) -> Number:
+        """The bent free number of a gain; not to be traced."""
+        return np.log(gain)
+
+
+@dataclasses.dataclass(frozen=True)
+class Above:
+    """x = edge (1 + m) + exp(z)."""
+
+    def stretch(self, bent: Series) -> Series:
+        """The part that does not need the edge."""
+        return jnp.exp(bent)
+
+    def place(self, grown: Scalar, edge: Scalar | float) -> Scalar:
+        """The gain, from `stretch` and the edge."""
+        return edge * (1.0 + MARGIN) + grown
+
+    def inverse(self, gain: Number, edge: float) -> Number:
+        """The bent free number of a gain; not to be traced."""
+        return np.log(gain - edge * (1.0 + MARGIN))
+
+    def has_room_for(self, gain: float, edge: float) -> bool:
+        """Whether a gain is clear of the edge."""
+        return gain >= edge * (1.0 + 2.0 * MARGIN)
+
+    def inside(self, edge: float, step: float) -> float:
+        """The nearest gain that is clear of the edge by a share of it."""
+        return edge * (1.0 + step)
+
+
+@dataclasses.dataclass(frozen=True)
+class Below:
+    """x = edge (1 − m) / (1 + exp(−z))."""
+
+    def stretch(self, bent: Series) -> Series:
+        """The part that does not need the edge."""
+        return jax.nn.sigmoid(bent)
+
+    def place(self, grown: Scalar, edge: Scalar | float) -> Scalar:
+        """The gain, from `stretch` and the edge."""
+        return edge * (1.0 - MARGIN) * grown
+
+    def inverse(self, gain: Number, edge: float) -> Number:
+        """The bent free number of a gain; not to be traced."""
+        share = gain / (edge * (1.0 - MARGIN))
+        return np.log(share) - np.log1p(-share)
+
+    def has_room_for(self, gain: float, edge: float) -> bool:
+        """Whether a gain is clear of the edge, and positive."""
+        return 0.0 < gain <= edge * (1.0 - 2.0 * MARGIN)
+
+    def inside(self, edge: float, step: float) -> float:
+        """The nearest gain that is clear of the edge by a share of it."""
+        return edge * (1.0 - step)
+
+
+Bijection = Positive | Above | Below
+
+
+@dataclasses.dataclass(frozen=True)
+class Edge:
+    """Where a set ends.
+
+    Attributes:
+        at: the edge as a function of the partner gain; traced.
+        rule: the set in words.
+        holds: whether a gain is in the set, given its partner; plain numbers, exact.
+    """
+
+    at: Callable[[Any], Any]
+    rule: str
+    holds: Callable[[float, float], bool]
+
+
+def _sech(x: Scalar) -> Scalar:
+    decay = jnp.exp(-x)
+    return 2.0 * decay / (1.0 + decay * decay)
+
+
+def _sech_number(x: float) -> float:
+    decay = math.exp(-x)
+    return 2.0 * decay / (1.0 + decay * decay)
+
+
+def _arcsech(y: Scalar) -> Scalar:
+    raised = y * (1.0 + MARGIN)
+    return jnp.log((1.0 + jnp.sqrt((1.0 - raised) * (1.0 + raised))) / raised)
+
+
+POSITIVE = Edge(lambda _: 0.0, "positive", lambda x, _: x > 0.0)
+UNIT = Edge(lambda _: 1.0, "in (0, 1)", lambda x, _: 0.0 < x < 1.0)
+UNIT_CLOSED = Edge(lambda _: 1.0, "in (0, 1]", lambda x, _: 0.0 < x <= 1.0)
+ABOVE_ONE = Edge(lambda _: 1.0, "above 1", lambda x, _: x > 1.0)
+QUARTER_TURN = Edge(
+    lambda _: math.pi / 2, "in (0, pi/2]", lambda x, _: 0.0 < x <= math.pi / 2
+)
+FROM_ONE = Edge(lambda _: 1.0, "at least 1", lambda x, _: x >= 1.0)
+K2_GIVEN_K1 = Edge(
+    lambda k1: jnp.sqrt(k1) * math.sqrt(4.0 / 3.0),
+    "k1 < 3/4 k2^2",
+    lambda k2, k1: 0.0 < k1 < 0.75 * k2 * k2,
+)
+K1_GIVEN_K2 = Edge(
+    lambda k2: 0.75 * k2 * k2,
+    "k1 < 3/4 k2^2",
+    lambda k1, k2: 0.0 < k1 < 0.75 * k2 * k2,
+)
+SECH_BOUND = Edge(
+    _sech,
+    "positive and below sech(initial)",
+    lambda bound, initial: 0.0 < bound < _sech_number(initial),
+)
+SECH_INITIAL = Edge(
+    _arcsech,
+    "positive, with sech(initial) above final_bound",
+    lambda initial, bound: initial > 0.0 and 0.0 < bound < _sech_number(initial),
+)
+# sech(20) = 4e-9: a funnel that starts from more cannot be told from one that does not.
+SECH_INITIAL_ALONE = Edge(
+    lambda _: 20.0, "positive and below 20", lambda initial, _: 0.0 < initial < 20.0
+)
+
+
+def observer_integral(rate_bound: float) -> Edge:
+    """Lower edge of ι₂ given ι₁, for |d'| ≤ D.
+
+    The published set is ι₂ > ι₁²/4 + 4D²/ι₁² for ι₁ ≤ 2√D and ι₂ > D beyond. With
+    q = log(ι₁²/4D) the first is 2D cosh q. The set's edge jumps from 2D to D at q = 0,
+    and a search cannot follow a jump: beyond it ours falls as D (1 + 1/(1 + 100 q²)),
+    a little inside the set.
+    """
+
+    def at(proportional: Scalar) -> Scalar:
+        q = 2.0 * jnp.log(proportional) - math.log(4.0 * rate_bound)
+        rising = 2.0 * jnp.cosh(jnp.minimum(q, 0.0))
+        flat = 1.0 + 1.0 / (1.0 + 100.0 * q * q)
+        return rate_bound * jnp.where(q < 0.0, rising, flat)
+
+    return Edge(
+        at,
+        f"in the observer set for a disturbance rate up to {rate_bound:g}",
+        lambda integral, proportional: in_observer_set(
+            proportional, integral, rate_bound
+        ),
+    )
+
+
+def observer_proportional(rate_bound: float) -> Edge:
+    """Lower edge of ι₁ given a fixed ι₂; NaN for ι₂ ≤ D, where no ι₁ is in the set."""
+
+    def at(integral: Scalar) -> Scalar:
+        # A millionth less, so that rounding errs towards the inside.
+        c = integral / rate_bound * (1.0 - 1e-6)
+        wide = jnp.maximum(c, 2.0)
+        r = 2.0 / (wide + jnp.sqrt(wide - 2.0) * jnp.sqrt(wide + 2.0))
+        return jnp.where(c > 1.0, 2.0 * jnp.sqrt(rate_bound * r), jnp.nan)
+
+    return Edge(
+        at,
+        f"in the observer set for a disturbance rate up to {rate_bound:g}",
+        lambda proportional, integral: in_observer_set(
+            proportional, integral, rate_bound
+        ),
+    )
+
+
+def in_observer_set(proportional: float, integral: float, rate_bound: float) -> bool:
+    """Whether ι₁ and ι₂ of one axis are in the published set, for |d'| ≤ D."""
+    square, limit = proportional**2, rate_bound
+    if not proportional > 0.0:
+        return False
+    if square > 4.0 * limit:
+        return integral > limit
+    return integral > square / 4.0 + 4.0 * limit * limit / square

@@ -1,0 +1,160 @@
+"""Where a search starts: the numbers of a closed loop, moved into their sets."""
+
+import math
+from collections.abc import Collection, Sequence
+from operator import attrgetter
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxglider.simulation.closed_loop import ClosedLoop
+from tuning.space.bijections import Above, Edge, Positive
+from tuning.space.coordinates import Coordinate, Pair, leaves
+
+# A bijection is flat at its edge, and a search that started there would stay there for
+# long: this share inside a fixed edge, and inside an edge that moves with a gain.
+_INSIDE, _INSIDE_COUPLED = 0.01, 0.05
+_SMALLEST, _LARGEST = 1e-12, 1e12
+
+
+def start_inside(
+    loop: ClosedLoop, coordinates: Sequence[Coordinate]
+) -> tuple[dict[str, float], list[str]]:
+    """The tuned numbers and their partners, by path, and what was moved, in words.
+
+    Args:
+        loop: concrete, not traced.
+        coordinates: of the numbers.
+
+    Raises:
+        ValueError: a number that cannot be moved into its set.
+    """
+    paths = [p for c in coordinates for p in (c.path, c.partner) if p]
+    start = {path: float(attrgetter(path)(loop)) for path in paths}
+    moved: dict[str, list[str]] = {}
+    with jax.enable_x64(True):
+        for _, c in partners_first(coordinates):
+            words = _move(c, start, [c.path for c in coordinates])
+            if words:
+                moved.setdefault(words, []).append(c.path)
+    for c in coordinates:
+        if not _SMALLEST < start[c.path] < _LARGEST:
+            raise ValueError(
+                f"{c.path} must start between {_SMALLEST:g} and {_LARGEST:g} to be "
+                f"tuned; received {start[c.path]:g}. Give another start, or leave it "
+                "out."
+            )
+    notes = [words.format(paths=", ".join(where)) for words, where in moved.items()]
+    return start, notes
+
+
+def partners_first(
+    coordinates: Sequence[Coordinate],
+) -> list[tuple[int, Coordinate]]:
+    """Numbered coordinates, those that another's edge depends on before the others."""
+    free = {c.path for c in coordinates}
+    return sorted(
+        enumerate(coordinates), key=lambda numbered: numbered[1].partner in free
+    )
+
+
+def edge_at(c: Coordinate, start: dict[str, float]) -> Any:
+    """The edge of a number, given where its partner starts."""
+    return c.edge.at(jnp.asarray(start[c.partner]) if c.partner else None)
+
+
+def left_broken(
+    loop: ClosedLoop,
+    known: Sequence[Pair],
+    held: Sequence[Pair],
+    names: Collection[str],
+) -> list[str]:
+    """Notes on the coupled sets that the start is outside of and that are not held.
+
+    Args:
+        loop: where the search starts.
+        known: all pairs.
+        held: those that are held.
+        names: paths of the tuned numbers.
+    """
+    notes = []
+    for pair in known:
+        first, second = (float(x) for x in leaves(loop, (pair.first, pair.second)))
+        if pair in held or pair.second_edge.holds(second, first):
+            continue
+        tuned = pair.first in names or pair.second in names
+        why = f"{pair.constraint} is not held" if tuned else "neither is tuned"
+        notes.append(
+            f"{pair.first} = {first:g} and {pair.second} = {second:g} break their "
+            f"rule, {pair.second_edge.rule}: {why}."
+        )
+    return notes
+
+
+def _move(c: Coordinate, start: dict[str, float], free: Collection[str]) -> str:
+    """Move a number that is outside its set to inside; what was done, in words."""
+    if isinstance(c.bijection, Positive) or not start[c.path] > 0.0:
+        return ""
+    old, edge = start[c.path], float(edge_at(c, start))
+    if not edge > 0.0:
+        raise ValueError(
+            f"no {c.path} keeps its rule, {c.edge.rule}, while {c.partner} is "
+            f"{start[c.partner or '']:g}; tune both, or change the other first."
+        )
+    if c.bijection.has_room_for(old, edge):
+        return ""
+    if c.partner is None:
+        start[c.path] = c.bijection.inside(edge, _INSIDE)
+        return (
+            f"{{paths}} (set: {c.edge.rule}): the search starts from "
+            f"{start[c.path]:g} instead of {old:g}, because it stays strictly inside "
+            "and would hardly leave an edge."
+        )
+    before = start[c.partner]
+    if isinstance(c.bijection, Above) and c.partner in free:
+        start[c.partner], start[c.path] = nearest_above(
+            c.edge, before, old, _INSIDE_COUPLED
+        )
+    else:
+        start[c.path] = c.bijection.inside(edge, _INSIDE_COUPLED)
+    changes = f"{c.path} from {old:g} to {start[c.path]:g}"
+    if start[c.partner] != before:
+        changes = f"{c.partner} from {before:g} to {start[c.partner]:g}, {changes}"
+    return (
+        f"The start breaks its rule, {c.edge.rule}: the search starts from the nearest "
+        f"point inside, {changes}."
+    )
+
+
+def nearest_above(
+    edge: Edge, partner: float, gain: float, step: float
+) -> tuple[float, float]:
+    """The point nearest in logarithms at which a gain is above its edge.
+
+    Both may move: the partner p, and the gain up to edge(p) (1 + step). Found on a grid
+    that is refined around its best point, because the set need not be convex.
+
+    Args:
+        edge: of the gain, given its partner.
+        partner: where it starts.
+        gain: where it starts, below the edge.
+        step: share of the edge by which to clear it.
+
+    Returns:
+        The partner and the gain.
+    """
+    start, level = math.log(partner), math.log(gain)
+
+    def needed(log_partner: np.ndarray) -> np.ndarray:
+        return np.log(np.asarray(edge.at(jnp.exp(log_partner)))) + math.log1p(step)
+
+    reach = float(needed(np.asarray(start))) - level
+    low, high = start - reach, start + reach
+    for _ in range(3):
+        grid = np.linspace(low, high, 2001)
+        distance = (grid - start) ** 2 + np.maximum(needed(grid) - level, 0.0) ** 2
+        best = int(np.argmin(distance))
+        low, high = grid[max(best - 1, 0)], grid[min(best + 1, 2000)]
+    return math.exp(grid[best]), math.exp(max(level, float(needed(grid[best]))))

@@ -1,0 +1,177 @@
+"""Which uncertain number is to blame, three ways: Sobol, ranks, derivatives.
+
+The runs for Sobol indices go through the campaign's own engine and are kept beside its
+rows, in `sobol.bin`: killed, they go on where they were.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tuning.problem.members import SENSITIVITY
+from tuning.sweep.analysis.derivatives import gradient_scores
+from tuning.sweep.analysis.rank_correlations import OUTPUTS, output
+from tuning.sweep.analysis.sobol import Saltelli, indices
+from tuning.sweep.run.campaign import Campaign
+from tuning.sweep.run.engine import Engine
+from tuning.sweep.run.loop import run_campaign
+from tuning.sweep.run.rows import Table
+from tuning.sweep.run.store import Store
+
+CHANCE = "chance"
+"""Name of what is left to chance within a run, as a factor."""
+_LEADING, _BEHIND = 5, 10
+
+
+def design_of(campaign: Campaign, blocks: int) -> Saltelli:
+    """The design of the runs for Sobol indices."""
+    uncertainty = campaign.uncertainty
+    return Saltelli(
+        campaign.settings.seed,
+        len(uncertainty.quantities),
+        blocks,
+        uncertainty.has_chance(),
+    )
+
+
+def run_blocks(
+    campaign: Campaign,
+    blocks: int,
+    engine: Callable[[], Engine],
+    path: Path,
+    kind: np.dtype,
+    progress: Callable[[int, int], None],
+) -> Table:
+    """Run what is not yet run of the blocks, and return their rows.
+
+    Args:
+        campaign: whose members they are like.
+        blocks: how many.
+        engine: makes the engine.
+        path: of the file that keeps the rows.
+        kind: type of the rows.
+        progress: told how many runs are done, and of how many.
+
+    Raises:
+        OSError: the rows cannot be written.
+    """
+    design = design_of(campaign, blocks)
+    total = blocks * design.block
+    like = dataclasses.replace(
+        campaign,
+        settings=dataclasses.replace(campaign.settings, until_ci=None),
+        design=design,
+        stream=SENSITIVITY,
+    )
+    store = Store(path, kind, 0)
+    try:
+        run_campaign(like, engine, store, 0, total, lambda n: progress(n, total))
+        return Table(np.array(store.rows()[:total]), campaign.labels)
+    finally:
+        store.close()
+
+
+def sensitivities(
+    campaign: Campaign, blocks: int, table: Table, runs: Table, summary: dict[str, Any]
+) -> None:
+    """Add to the summary what each set of gains answers to.
+
+    Args:
+        campaign: it is about.
+        blocks: of the runs for Sobol indices.
+        table: rows of the campaign.
+        runs: rows of the blocks.
+        summary: holds the rank correlations already.
+    """
+    design = design_of(campaign, blocks)
+    names = [*campaign.uncertainty.names(), *([CHANCE] if design.chance else [])]
+    for number, found in enumerate(summary["controllers"].values()):
+        scores = gradient_scores(campaign, number, len(table))
+        found["sensitivity"] = {
+            name: _one(
+                names,
+                indices(output(runs, number, name).reshape(blocks, design.block)),
+                found["rank_correlations"][name],
+                scores.get(name),
+            )
+            for name in OUTPUTS
+        }
+
+
+def _one(
+    names: list[str],
+    sobol: dict[str, Any],
+    ranked: list[dict[str, Any]],
+    slopes: np.ndarray | None,
+) -> dict[str, Any]:
+    """One output: a row for each factor, the largest total index first."""
+    rho = {entry["quantity"]: entry["rho"] for entry in ranked}
+    rows = []
+    for place, name in enumerate(names):
+        row: dict[str, Any] = {"quantity": name, "rho": rho.get(name)}
+        for index in ("first", "total"):
+            if sobol[index] is not None:
+                value, low, high = (float(x) for x in sobol[index][:, place])
+                row[index], row[f"{index}_interval"] = value, [low, high]
+        if slopes is not None and place < len(slopes) and np.isfinite(slopes[place]):
+            row["gradient"] = float(slopes[place])
+        rows.append(row)
+    rows.sort(key=lambda row: -row.get("total", abs(row["rho"] or 0.0)))
+    return {
+        "blocks": sobol["blocks"],
+        "blocks_left_out": sobol["left_out"],
+        "rows": rows,
+        **agreement(rows),
+    }
+
+
+def agreement(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """How far the ways agree on the order of the factors, and where they do not.
+
+    Args:
+        rows: of the factors; those are compared that all ways know of.
+
+    Returns:
+        `agreement`, Spearman's correlation of the scores of each two ways, and
+        `disagreements`: factors among the first five one way and beyond the tenth
+        another way, in words.
+    """
+    from scipy import stats  # a second to import, and seldom needed
+
+    ways = {
+        "total index": [row.get("total") for row in rows],
+        "rank correlation": [
+            None if (r := row["rho"]) is None else abs(r) for row in rows
+        ],
+        "gradient": [row.get("gradient") for row in rows],
+    }
+    known = [
+        all(scores[i] is not None for scores in ways.values() if any(scores))
+        for i in range(len(rows))
+    ]
+    kept = {
+        way: np.array([s for s, k in zip(scores, known, strict=True) if k], float)
+        for way, scores in ways.items()
+        if any(scores)
+    }
+    listed = [row["quantity"] for row, k in zip(rows, known, strict=True) if k]
+    places = {way: stats.rankdata(-scores, "ordinal") for way, scores in kept.items()}
+    found: dict[str, float] = {}
+    apart = []
+    for one in kept:
+        for other in kept:
+            if one < other and len(listed) > 2:
+                pair = f"{one} / {other}"
+                found[pair] = float(stats.spearmanr(kept[one], kept[other]).statistic)
+            for name, here, there in zip(
+                listed, places[one], places[other], strict=True
+            ):
+                if here <= _LEADING and there > _BEHIND:
+                    apart.append(
+                        f"{name} is number {int(here)} by {one}, "
+                        f"{int(there)} by {other}"
+                    )
+    return {"agreement": found, "disagreements": apart}

@@ -1,0 +1,202 @@
+"""What a campaign says: probabilities, measures and comparisons, as plain numbers."""
+
+from typing import Any
+
+import numpy as np
+
+from tuning.reporting.statistics import discordant, paired, probability, spread
+from tuning.sweep.run.campaign import Settings
+from tuning.sweep.run.rows import CHANNELS, Table
+
+MEASURES = (
+    *(
+        f"{channel}.{measure}"
+        for channel in CHANNELS
+        for measure in (
+            "max_error",
+            "max_error_settled",
+            "rms_error",
+            "rms_effort",
+            "chattering",
+            "time_outside_funnel",
+            "time_saturated",
+            "funnel_peak",
+        )
+    ),
+    "max_roll",
+    "max_pitch",
+    "end_time",
+)
+"""Columns that are summarised."""
+COMPARED = tuple(
+    f"{channel}.{measure}"
+    for channel in CHANNELS
+    for measure in ("rms_error", "rms_effort", "chattering")
+)
+"""Columns that are compared member by member."""
+
+
+def summarise(
+    settings: Settings,
+    table: Table,
+    kinds: tuple[str, ...],
+    waypoints: int | None,
+    level: float,
+) -> dict[str, Any]:
+    """The summary of a campaign.
+
+    Args:
+        settings: of the campaign.
+        table: its rows.
+        kinds: of the controllers.
+        waypoints: of the course, or None where there is none.
+        level: confidence of the intervals.
+    """
+    controllers = {}
+    for number, (label, kind) in enumerate(zip(table.labels, kinds, strict=True)):
+        controllers[label] = {
+            "kind": kind,
+            "origin": settings.gains[number].origin,
+            "probabilities": probabilities(table, number, waypoints, level),
+            "failed_members": numbers_of(table, table.failed(number)),
+            "worst_member": ranked(table, number)[-1],
+            "median_member": ranked(table, number)[(len(table) - 1) // 2],
+            "measures": {
+                name: spread(table.column(number, name), level) for name in MEASURES
+            },
+        }
+    told = settings.uncertainty
+    return {
+        "scenario": settings.scenario,
+        "plant": settings.plant,
+        "has_waypoints": waypoints is not None,
+        "precision": settings.precision,
+        "design": settings.design,
+        "seed": settings.seed,
+        "uncertainty": told if isinstance(told, float) else "file",
+        "members": len(table),
+        "members_asked_for": settings.members,
+        "confidence": level,
+        "controllers": controllers,
+        "paired": comparisons(table),
+    }
+
+
+def probabilities(
+    table: Table, number: int, waypoints: int | None, level: float
+) -> dict[str, Any]:
+    """How likely each kind of trouble is; a failed run counts as all of them."""
+    events = {"p_violation": table.left_funnel(number)}
+    for channel in CHANNELS:
+        events[f"p_violation_{channel}"] = table.left_funnel(number, channel)
+    events["p_capsize"] = table.capsized(number)
+    events["p_unfinished"] = table.unfinished(number, waypoints)
+    events["p_failure"] = table.failed(number)
+    return {name: probability(event, level) for name, event in events.items()}
+
+
+def comparisons(table: Table) -> list[dict[str, Any]]:
+    """The first set of gains against each other one, on the same members."""
+    return [
+        {
+            "first": table.labels[0],
+            "second": table.labels[number],
+            "violation": discordant(table.left_funnel(0), table.left_funnel(number)),
+            "measures": {
+                name: paired(table.column(0, name), table.column(number, name))
+                for name in COMPARED
+            },
+        }
+        for number in range(1, len(table.labels))
+    ]
+
+
+def severity(table: Table, number: int) -> np.ndarray:
+    """The largest error over the edge of its funnel; infinite for failures."""
+    peaks = [table.column(number, f"{channel}.funnel_peak") for channel in CHANNELS]
+    return np.maximum.reduce(peaks)
+
+
+def ranked(table: Table, number: int) -> list[int]:
+    """Numbers of the members from the least to the most severe."""
+    order = np.argsort(severity(table, number), kind="stable")
+    return [int(n) for n in table.rows["member"][order]]
+
+
+def numbers_of(table: Table, chosen: np.ndarray) -> list[int]:
+    """Numbers of the members chosen."""
+    return [int(n) for n in table.rows["member"][chosen]]
+
+
+LINES = {
+    "p_violation": "left a funnel",
+    "p_violation_depth": "  depth",
+    "p_violation_pitch": "  pitch",
+    "p_violation_heading": "  heading",
+    "p_capsize": "rolled past 90 deg",
+    "p_unfinished": "did not finish",
+    "p_failure": "not finite",
+}
+
+
+def text_summary(summary: dict[str, Any]) -> str:
+    """The summary as a table for a terminal."""
+    controllers = summary["controllers"]
+    told = summary["uncertainty"]
+    half = f"{100 * told:g} %" if isinstance(told, float) else "from a file"
+    rows = [["probability", *controllers]]
+    for name, title in LINES.items():
+        if name == "p_unfinished" and not summary["has_waypoints"]:
+            continue
+        found = [of["probabilities"][name] for of in controllers.values()]
+        rows.append([title, *map(in_interval, found)])
+    rows.append(["95 % of members below"])
+    for channel, unit in CHANNELS.items():
+        name = f"{channel}.rms_error"
+        found = [of["measures"][name]["q95"] for of in controllers.values()]
+        rows.append([f"  {channel} L2[e] [{unit}]", *map(_quantile, found)])
+    lines = [
+        f"{summary['members']} members, {summary['scenario']} on {summary['plant']}, "
+        f"uncertainty {half}, {100 * summary['confidence']:g} % intervals",
+        *_aligned(rows),
+    ]
+    for label, found in controllers.items():
+        lines.append(
+            f"{label}: worst member {found['worst_member']}, "
+            f"median {found['median_member']}"
+        )
+    for entry in summary.get("requirements", ()):
+        lines.append(
+            f"{entry['requirement']}: {entry['verdict']} by {entry['controller']} "
+            f"({short(entry['estimate'])} {brackets(entry['interval'])})"
+        )
+    return "\n".join(lines)
+
+
+def _aligned(rows: list[list[str]]) -> list[str]:
+    """Lines of a table: titles to the left, the rest to the right."""
+    wide = 2 + max(len(cell) for row in rows for cell in row[1:])
+    lines = [f"{row[0]:<22}" + "".join(f"{x:>{wide}}" for x in row[1:]) for row in rows]
+    return [line.rstrip() for line in lines]
+
+
+def in_interval(found: dict[str, Any]) -> str:
+    """A probability with its interval."""
+    low, high = found["interval"]
+    return f"{found['p']:.4g} [{low:.4g}, {high:.4g}]"
+
+
+def _quantile(found: dict[str, Any]) -> str:
+    return f"{short(found['value'])} {brackets(found['interval'])}"
+
+
+def brackets(interval: list[Any] | None) -> str:
+    """An interval; a question mark where the members are too few for an end."""
+    if interval is None:
+        return ""
+    return "[" + ", ".join("?" if x is None else f"{x:.3g}" for x in interval) + "]"
+
+
+def short(value: float | None) -> str:
+    """A number in a table; a dash for none."""
+    return "-" if value is None else f"{value:.3g}"

@@ -1,0 +1,72 @@
+"""What follows from a campaign's rows, written."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from jaxglider.files.writing import write_json
+from tuning.reporting.console import Progress, note
+from tuning.reporting.exit_codes import OK, VIOLATED
+from tuning.sweep.analysis.rank_correlations import drivers
+from tuning.sweep.analysis.sensitivity import sensitivities
+from tuning.sweep.analysis.summary import summarise
+from tuning.sweep.report.report import write_report
+from tuning.sweep.run.campaign import Campaign
+from tuning.sweep.run.netcdf import write_members
+from tuning.sweep.run.rows import Table
+from tuning.sweep.run.store import Manifest
+
+
+def verdict(summary: dict[str, Any]) -> int:
+    """The exit code that follows from the requirements."""
+    broken = any(entry["verdict"] != "met" for entry in summary["requirements"])
+    return VIOLATED if broken else OK
+
+
+def conclude(
+    options: argparse.Namespace,
+    folder: Path,
+    campaign: Campaign,
+    manifest: Manifest,
+    rows: Any,
+    about: dict[str, Any],
+    runs: Table | None = None,
+) -> dict[str, Any]:
+    """Write everything that follows from the rows, and return the summary.
+
+    Args:
+        options: confidence, requirements, and whether there is to be a report.
+        folder: of the campaign.
+        campaign: the rows belong to.
+        manifest: likewise.
+        rows: of the campaign or of a part of it.
+        about: provenance.
+        runs: for Sobol indices, or None for no sensitivities.
+    """
+    progress = Progress()
+    progress.show(f"writing to {folder} ...")
+    table = Table(rows, campaign.labels)
+    summary = summarise(
+        campaign.settings, table, campaign.kinds, campaign.waypoints, options.confidence
+    )
+    summary["requirements"] = [
+        entry
+        for rule in options.require
+        for entry in rule.judged(summary["controllers"])
+    ]
+    names = campaign.uncertainty.names()
+    for number, found in enumerate(summary["controllers"].values()):
+        found["rank_correlations"] = drivers(table, names, number)
+    if runs is not None:
+        progress.show("differentiating ...")
+        sensitivities(campaign, options.sensitivity, table, runs, summary)
+    summary["provenance"] = about
+    write_json(folder / "summary.json", summary)
+    write_members(folder / "members.nc", manifest, rows, about)
+    if not options.no_report:
+        progress.show(f"drawing into {folder} ...")
+        write_report(folder, campaign, table, summary)
+    progress.clear()
+    report = ", report.md and figures" if not options.no_report else ""
+    note(f"{folder}: {len(rows)} members; summary.json, members.nc{report}.")
+    return summary

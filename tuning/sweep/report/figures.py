@@ -1,0 +1,209 @@
+"""The figures of a campaign, one function each: takes axes, returns axes."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from jaxglider.plotting.style import FAINT, INK, flat, label_time, legend_above, styles
+from tuning.reporting.statistics import clopper_pearson
+from tuning.sweep.analysis.ribbons import Ribbons
+from tuning.sweep.run.rows import CHANNELS, Table
+
+_SHOWN = {"depth": ("m", 1.0), "pitch": ("deg", 180.0 / np.pi)}
+_SHOWN["heading"] = _SHOWN["pitch"]
+_POINTS = 60
+
+
+def draw_ribbons(axes: Any, seen: Ribbons, colour: str) -> Any:
+    """Where 90 % of the members' errors are, their median, and the worst member.
+
+    Args:
+        axes: three, for depth, pitch and heading.
+        seen: errors over time.
+        colour: of the ribbon.
+    """
+    panels = flat(axes, 3, "draw_ribbons")
+    for axis, channel in zip(panels, CHANNELS, strict=True):
+        unit, scale = _SHOWN[channel]
+        kept = np.any(np.isfinite(seen.errors[channel]), axis=0)
+        time = seen.time[kept]
+        low, middle, high = scale * np.nanquantile(
+            seen.errors[channel][:, kept], [0.05, 0.5, 0.95], axis=0
+        )
+        axis.fill_between(time, low, high, color=colour, alpha=0.3, lw=0.0)
+        axis.plot(time, middle, color=colour)
+        axis.plot(seen.time, scale * seen.worst[channel], color=INK, lw=0.7, ls="--")
+        for edge in seen.edges[channel]:
+            axis.plot(seen.time, scale * edge, color=FAINT, lw=0.8, ls=":")
+        _within(axis, scale, seen, channel)
+        axis.set_ylabel(f"{channel} error ({unit})")
+    label_time(panels, float(seen.time[-1]))
+    legend_above(
+        panels[0],
+        [
+            Line2D([], [], color=colour, alpha=0.3, lw=5.0, label="5–95 %"),
+            Line2D([], [], color=colour, label="median"),
+            Line2D([], [], color=INK, lw=0.7, ls="--", label="worst member"),
+            Line2D([], [], color=FAINT, lw=0.8, ls=":", label="funnel"),
+        ],
+    )
+    return axes
+
+
+def _within(axis: Axes, scale: float, seen: Ribbons, channel: str) -> None:
+    """Look at three times the widest funnel at most."""
+    widest = scale * max(np.nanmax(np.abs(edge)) for edge in seen.edges[channel])
+    shown = np.concatenate([seen.worst[channel], seen.errors[channel].ravel()])
+    shown = scale * np.abs(shown[np.isfinite(shown)])
+    largest = max(float(shown.max()) if shown.size else 0.0, widest)
+    reach = min(1.08 * largest, 3.0 * widest)
+    axis.set_ylim(-reach, reach)
+    if largest > reach:
+        axis.set_title(f"up to {largest:.3g}", loc="right", pad=3.0)
+
+
+def convergence(axis: Axes, table: Table) -> Axes:
+    """The probability of leaving a funnel from the first n members, with interval."""
+    counts = np.unique(np.geomspace(1, len(table), _POINTS).astype(int))
+    for number, (label, style) in enumerate(styles(table.labels).items()):
+        left = np.cumsum(table.left_funnel(number))[counts - 1]
+        ends = [
+            clopper_pearson(int(k), int(n)) for k, n in zip(left, counts, strict=True)
+        ]
+        low, high = np.transpose(ends)
+        axis.fill_between(counts, low, high, color=style.colour, alpha=0.25, lw=0.0)
+        axis.plot(
+            counts, left / counts, color=style.colour, ls=style.dashes, label=label
+        )
+    axis.set_xscale("log")
+    axis.set(xlabel="members", ylabel="P(left a funnel)", ylim=(-0.02, 1.02))
+    axis.set_xlim(1, max(len(table), 2))
+    legend_above(axis, axis.get_legend_handles_labels()[0])
+    return axis
+
+
+def distributions(axes: Any, table: Table) -> Any:
+    """How the errors of the members are distributed, one curve a set of gains.
+
+    Args:
+        axes: three, for depth, pitch and heading.
+        table: of the campaign.
+    """
+    panels = flat(axes, 3, "distributions")
+    for axis, channel in zip(panels, CHANNELS, strict=True):
+        unit, scale = _SHOWN[channel]
+        for number, (label, style) in enumerate(styles(table.labels).items()):
+            values = np.sort(scale * table.column(number, f"{channel}.rms_error"))
+            # A few members far off would squeeze all others together.
+            values = np.where(values <= _far(table, channel, scale), values, np.inf)
+            share = np.arange(1, len(values) + 1) / len(values)
+            known = np.isfinite(values)
+            axis.step(
+                values[known],
+                share[known],
+                where="post",
+                color=style.colour,
+                ls=style.dashes,
+                label=label,
+            )
+        axis.set_xlim(0.0, None)
+        axis.set_xlabel(f"{channel} L2[e] ({unit})")
+        axis.set_ylim(0.0, 1.0)
+    panels[0].set_ylabel("share of members below")
+    handles = panels[-1].get_legend_handles_labels()[0]
+    legend_above(panels[-1], handles)
+    return axes
+
+
+def _far(table: Table, channel: str, scale: float) -> float:
+    """Beyond what 98 % of the members come to, with the worst set of gains."""
+    ends = [
+        np.sort(table.column(number, f"{channel}.rms_error"))[
+            int(0.98 * (len(table) - 1))
+        ]
+        for number in range(len(table.labels))
+    ]
+    return scale * max(ends)
+
+
+def scatter(
+    axis: Axes, values: np.ndarray, name: str, severity: np.ndarray, colour: str
+) -> Axes:
+    """The severity of each member against one uncertain number.
+
+    Args:
+        axis: to draw on.
+        values: of the number.
+        name: of the number, with its unit.
+        severity: largest error over the edge of its funnel; infinite for failures.
+        colour: of the points.
+    """
+    known = np.isfinite(severity)
+    axis.scatter(values[known], severity[known], s=3.0, color=colour, alpha=0.5, lw=0.0)
+    if np.any(~known):
+        top = np.full(np.sum(~known), axis.get_ylim()[1])
+        axis.plot(values[~known], top, "x", color=INK, ms=4.0, label="not finite")
+        legend_above(axis, axis.get_legend_handles_labels()[0])
+    axis.axhline(1.0, color=FAINT, lw=0.8, ls=":")
+    axis.set_yscale("log")
+    axis.set(xlabel=name, ylabel="largest error over its funnel")
+    return axis
+
+
+def bars(
+    axis: Axes,
+    names: Sequence[str],
+    groups: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]],
+    colours: Sequence[str],
+) -> Axes:
+    """Horizontal bars with intervals, the first name on top.
+
+    Args:
+        axis: to draw on.
+        names: of the rows.
+        groups: by label: values, lower ends and upper ends, one each a row.
+        colours: of the groups.
+    """
+    wide = 0.8 / len(groups)
+    rows = np.arange(len(names))
+    drawn = zip(groups.items(), colours, strict=True)
+    for place, ((label, (value, low, high)), colour) in enumerate(drawn):
+        at = rows + wide * (place - (len(groups) - 1) / 2)
+        axis.barh(at, value, wide, color=colour, label=label)
+        ends = np.stack([value - low, high - value])
+        axis.errorbar(
+            value, at, xerr=np.maximum(ends, 0.0), fmt="none", ecolor=INK, lw=0.7
+        )
+    axis.set_yticks(rows, names)
+    axis.set_ylim(len(names) - 0.5, -0.5)
+    axis.axvline(0.0, color=INK, lw=0.6)
+    return axis
+
+
+def levels(axis: Axes, summaries: Sequence[dict[str, Any]]) -> Axes:
+    """The probability of leaving a funnel against how much is uncertain."""
+    told = [100.0 * summary["uncertainty"] for summary in summaries]
+    for label, style in styles(summaries[0]["controllers"]).items():
+        found = [
+            summary["controllers"][label]["probabilities"]["p_violation"]
+            for summary in summaries
+        ]
+        p = np.asarray([entry["p"] for entry in found])
+        ends = np.asarray([entry["interval"] for entry in found])
+        axis.errorbar(
+            told,
+            p,
+            yerr=np.maximum([p - ends[:, 0], ends[:, 1] - p], 0.0),
+            color=style.colour,
+            ls=style.dashes,
+            marker="o",
+            ms=3.0,
+            label=label,
+        )
+    axis.set(xlabel="half width of the uncertainty (%)", ylabel="P(left a funnel)")
+    axis.set_ylim(-0.02, 1.02)
+    legend_above(axis, axis.get_legend_handles_labels()[0])
+    return axis

@@ -1,0 +1,73 @@
+"""Several levels of uncertainty side by side: how likely is trouble at each."""
+
+from pathlib import Path
+from typing import Any
+
+from jaxglider.files.writing import write_json, write_text
+from jaxglider.plotting.save import save
+from jaxglider.plotting.style import COLUMN, look, new_figure
+from tuning.reporting.tables import markdown_table
+from tuning.sweep.analysis.rank_correlations import SEVERITY
+from tuning.sweep.analysis.summary import in_interval
+from tuning.sweep.report import figures
+
+_EVENTS = {
+    "p_violation": "left a funnel",
+    "p_capsize": "rolled past 90 deg",
+    "p_failure": "not finite",
+}
+
+
+def write_levels(
+    folder: Path, summaries: dict[str, dict[str, Any]], *, draws: bool
+) -> None:
+    """Write summary.json and report.md of all levels.
+
+    Args:
+        folder: that holds those of the levels.
+        summaries: by name of the level's own folder.
+        draws: the report, too.
+    """
+    write_json(folder / "summary.json", {"levels": list(summaries.values())})
+    if not draws:
+        return
+    found = list(summaries.values())
+    parts = [
+        f"# How sure: {found[0]['scenario']} on {found[0]['plant']}\n",
+        f"{found[0]['members']} members at each level, with the same draws, only "
+        f"wider. Brackets are {100 * found[0]['confidence']:g} % intervals.\n",
+    ]
+    if all(isinstance(summary["uncertainty"], float) for summary in found):
+        with look():
+            figure = new_figure(COLUMN, 2.6)
+            figures.levels(figure.subplots(), found)
+            save(figure, folder / "levels.png")
+        parts.append("![levels](levels.png)\n")
+    labels = list(found[0]["controllers"])
+    for event, title in _EVENTS.items():
+        rows = [
+            [f"[{name}]({name}/report.md)"]
+            + [
+                in_interval(summary["controllers"][label]["probabilities"][event])
+                for label in labels
+            ]
+            for name, summary in summaries.items()
+        ]
+        parts += [f"## {title.capitalize()}\n", *markdown_table(["", *labels], rows, 1)]
+    rows = [
+        [name, label, ", ".join(_strongest(summary["controllers"][label]))]
+        for name, summary in summaries.items()
+        for label in labels
+    ]
+    parts.append("## What drives it\n")
+    parts.append(
+        "Rank correlation of what was drawn with the largest error over the edge of "
+        "its funnel, strongest first.\n"
+    )
+    parts += markdown_table(["", "gains", "with"], rows, 3)
+    write_text(folder / "report.md", "\n".join(parts) + "\n")
+
+
+def _strongest(found: dict[str, Any]) -> list[str]:
+    ranked = found["rank_correlations"][SEVERITY][:4]
+    return [f"{entry['quantity']} {entry['rho']:+.2f}" for entry in ranked]

@@ -1,0 +1,259 @@
+"""The report of a campaign: how likely is trouble, what drives it, in tables."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxglider.files.writing import write_text
+from jaxglider.plotting.save import save
+from jaxglider.plotting.style import (
+    COLUMN,
+    PAGE,
+    legend_above,
+    look,
+    new_figure,
+    styles,
+)
+from tuning.reporting.tables import markdown_table
+from tuning.sweep.analysis.rank_correlations import SEVERITY
+from tuning.sweep.analysis.ribbons import ribbons
+from tuning.sweep.analysis.summary import LINES, brackets, in_interval, severity, short
+from tuning.sweep.report import figures
+from tuning.sweep.report.sensitivity_section import blamed, sobol_figure
+from tuning.sweep.run.campaign import Campaign
+from tuning.sweep.run.rows import CHANNELS, Table, unit
+
+_TOP = 8
+
+
+def write_report(
+    folder: Path, campaign: Campaign, table: Table, summary: dict[str, Any]
+) -> None:
+    """Write report.md and its figures.
+
+    Args:
+        folder: of the campaign.
+        campaign: it is about.
+        table: its rows.
+        summary: what they come to.
+    """
+    names = _figures(folder / "figures", campaign, table, summary)
+    parts = [_head(summary), *_likely(summary), *_required(summary)]
+    parts += [_picture("convergence"), *_measures(summary), _picture("distributions")]
+    parts += [*_compared(summary), *_failed(summary), *_driven(summary)]
+    parts += blamed(summary)
+    parts += [_picture(name) for name in names]
+    write_text(folder / "report.md", "\n".join(parts) + "\n")
+
+
+def _head(summary: dict[str, Any]) -> str:
+    told = summary["uncertainty"]
+    how = (
+        "Masses, inertias and hydrodynamic coefficients differ by up to "
+        f"±{100 * told:g} %, evenly, and so do the amplitudes of the waves; their "
+        "phases are free."
+        if isinstance(told, float)
+        else "What is uncertain, and how, is in `campaign.json`."
+    )
+    exact = (
+        ""
+        if summary["design"] == "monte-carlo"
+        else f" Members are placed by {summary['design']}, more evenly than at random: "
+        "the intervals are then usually too wide."
+    )
+    return (
+        f"# How sure: {summary['scenario']} on {summary['plant']}\n\n"
+        f"{summary['members']} members, the same for every set of gains. {how} All "
+        "are judged by one funnel, that of the case. A run that became non-finite "
+        "counts as every kind of trouble and as worse than any other. "
+        f"Brackets are {100 * summary['confidence']:g} % intervals: exact ones "
+        "(Clopper and Pearson) of probabilities, order statistics of quantiles."
+        f"{exact}\n"
+    )
+
+
+def _likely(summary: dict[str, Any]) -> list[str]:
+    controllers = summary["controllers"]
+    rows = [
+        [title.strip()]
+        + [in_interval(c["probabilities"][name]) for c in controllers.values()]
+        for name, title in LINES.items()
+        if name != "p_unfinished" or summary["has_waypoints"]
+    ]
+    return ["## How likely is trouble\n", *markdown_table(["", *controllers], rows, 1)]
+
+
+def _required(summary: dict[str, Any]) -> list[str]:
+    if not summary["requirements"]:
+        return []
+    rows = [
+        [
+            f"`{entry['requirement']}`",
+            entry["controller"],
+            entry["verdict"],
+            f"{short(entry['estimate'])} {brackets(entry['interval'])}",
+        ]
+        for entry in summary["requirements"]
+    ]
+    head = ["requirement", "gains", "verdict", "estimate"]
+    return ["## Requirements\n", *markdown_table(head, rows, 3)]
+
+
+def _measures(summary: dict[str, Any]) -> list[str]:
+    titles = {
+        "rms_error": "L2[e]",
+        "max_error_settled": "max error settled",
+        "rms_effort": "L2[U]",
+        "chattering": "L2[dU]",
+        "time_outside_funnel": "time outside funnel",
+    }
+    named = {f"{c}.{m}": f"{c} {t}" for c in CHANNELS for m, t in titles.items()}
+    rows = []
+    for name, title in {**named, "max_roll": "largest roll"}.items():
+        for label, found in summary["controllers"].items():
+            spread = found["measures"][name]
+            cells = [
+                f"{short(spread[q]['value'])} {brackets(spread[q]['interval'])}"
+                for q in ("q50", "q95", "cvar95")
+            ]
+            rows.append(
+                [f"{title} [{unit(name)}]", label, *cells, short(spread["worst"])]
+            )
+    head = ["measure", "gains", "median", "95 % below", "mean of worst 5 %", "worst"]
+    return ["## How large are the errors\n", *markdown_table(head, rows, 2)]
+
+
+def _compared(summary: dict[str, Any]) -> list[str]:
+    parts = []
+    for pair in summary["paired"]:
+        event = pair["violation"]
+        parts.append(f"## {pair['second']} against {pair['first']}\n")
+        parts.append(
+            f"On the same members, {event['only_first']} left a funnel with "
+            f"{pair['first']} alone, {event['only_second']} with {pair['second']} "
+            f"alone (difference {event['difference']:+.4f}, McNemar's exact p = "
+            f"{event['p_value']:.2g}).\n"
+        )
+        rows = [
+            [
+                f"{name} [{unit(name)}]",
+                f"{short(found['difference'])} {brackets(found['interval'])}",
+                f"{short(found['win_rate'])} {brackets(found['win_interval'])}",
+            ]
+            for name, found in pair["measures"].items()
+        ]
+        head = ["measure", "mean difference", f"{pair['second']} lower"]
+        parts += markdown_table(head, rows, 1)
+    return parts
+
+
+def _failed(summary: dict[str, Any]) -> list[str]:
+    parts = []
+    for label, found in summary["controllers"].items():
+        failed = found["failed_members"]
+        if failed:
+            listed = ", ".join(str(n) for n in failed[:20])
+            more = f" and {len(failed) - 20} more (summary.json)" * (len(failed) > 20)
+            parts.append(f"- {label}: not finite in members {listed}{more}")
+        parts.append(
+            f"- {label}: worst member {found['worst_member']}, median "
+            f"{found['median_member']}; `jaxglider rerun` shows them"
+        )
+    return ["## Members to look at\n", *parts, ""]
+
+
+def _driven(summary: dict[str, Any]) -> list[str]:
+    rows = []
+    for label, found in summary["controllers"].items():
+        for output, ranked in found["rank_correlations"].items():
+            leading = [
+                f"{entry['quantity']} {entry['rho']:+.2f}" for entry in ranked[:4]
+            ]
+            rows.append([label, output, ", ".join(leading)])
+    return [
+        "## What drives it\n",
+        "Rank correlation of what was drawn with what came of it, strongest first. "
+        "`severity` is the largest error over the edge of its funnel.\n",
+        *markdown_table(["gains", "of", "with"], rows, 3),
+    ]
+
+
+def _picture(name: str) -> str:
+    return f"![{name}](figures/{name}.png)\n"
+
+
+def _figures(
+    folder: Path, campaign: Campaign, table: Table, summary: dict[str, Any]
+) -> list[str]:
+    """Draw; the names of the figures that stand at the end of the report."""
+    folder.mkdir(parents=True, exist_ok=True)
+    styled = styles(table.labels)
+    with look():
+        figure = new_figure(COLUMN, 2.6)
+        figures.convergence(figure.subplots(), table)
+        save(figure, folder / "convergence.png")
+        figure = new_figure(PAGE, 2.4)
+        figures.distributions(figure.subplots(1, 3, sharey=True), table)
+        save(figure, folder / "distributions.png")
+        figure = new_figure(PAGE, 2.6)
+        panels = figure.subplots(1, len(table.labels), squeeze=False)[0]
+        quantities = campaign.uncertainty.quantities
+        for number, (label, style) in enumerate(styled.items()):
+            ranked = summary["controllers"][label]["rank_correlations"][SEVERITY]
+            if not ranked:
+                continue
+            worst = ranked[0]["quantity"]
+            column = campaign.uncertainty.names().index(worst)
+            title = f"{worst} ({quantities[column].unit})"
+            values = np.array(table.rows["values"][:, column])
+            figures.scatter(
+                panels[number], values, title, severity(table, number), style.colour
+            )
+            panels[number].set_title(label, loc="left")
+        save(figure, folder / "scatter.png")
+        _correlation_bars(folder, summary)
+        names = ["scatter", "rank_correlations"]
+        for number, found in enumerate(summary["controllers"].values()):
+            if "sensitivity" in found:
+                names.append(f"sobol_{number}")
+                save(sobol_figure(found), folder / f"sobol_{number}.png")
+        for number, (label, style) in enumerate(styled.items()):
+            seen = ribbons(
+                campaign,
+                number,
+                len(table),
+                summary["controllers"][label]["worst_member"],
+            )
+            figure = new_figure(COLUMN, 4.6)
+            figures.draw_ribbons(figure.subplots(3, 1, sharex=True), seen, style.colour)
+            figure.suptitle(label, fontsize=8.0)
+            names.append(f"ribbons_{number}")
+            save(figure, folder / f"ribbons_{number}.png")
+    return names
+
+
+def _correlation_bars(folder: Path, summary: dict[str, Any]) -> None:
+    """The strongest rank correlations with the severity, of every set of gains."""
+    found = {
+        label: {e["quantity"]: e for e in entry["rank_correlations"][SEVERITY]}
+        for label, entry in summary["controllers"].items()
+    }
+    first = next(iter(found.values()))
+    strongest = {q: max(abs(f[q]["rho"]) for f in found.values()) for q in first}
+    names = sorted(strongest, key=lambda q: -strongest[q])[:_TOP]
+    groups = {
+        label: (
+            np.array([entries[q]["rho"] for q in names]),
+            np.array([entries[q]["interval"][0] for q in names]),
+            np.array([entries[q]["interval"][1] for q in names]),
+        )
+        for label, entries in found.items()
+    }
+    figure = new_figure(COLUMN, 0.6 + 0.32 * len(names))
+    axis = figure.subplots()
+    colours = [style.colour for style in styles(found).values()]
+    figures.bars(axis, names, groups, colours)
+    axis.set_xlabel("rank correlation with the severity")
+    legend_above(axis, axis.get_legend_handles_labels()[0])
+    save(figure, folder / "rank_correlations.png")

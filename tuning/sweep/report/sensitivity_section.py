@@ -1,0 +1,104 @@
+"""The part of a report about sensitivities: tables, a figure, where ways differ."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxglider.plotting.style import PAGE, distinct_styles, legend_above, new_figure
+from tuning.reporting.tables import markdown_table
+from tuning.sweep.analysis.rank_correlations import LEFT, SEVERITY
+from tuning.sweep.analysis.summary import brackets, short
+from tuning.sweep.report import figures
+
+_TOP = 8
+_DRAWN = {LEFT: "leaving a funnel", SEVERITY: "the severity"}
+
+
+def blamed(summary: dict[str, Any]) -> list[str]:
+    """The sensitivities of every set of gains, in Markdown; nothing where none are."""
+    parts: list[str] = []
+    for label, found in summary["controllers"].items():
+        for output, one in found.get("sensitivity", {}).items():
+            parts.append(f"### {label}: {output}\n")
+            parts += _rows(one) + _words(one)
+    if not parts:
+        return []
+    return [
+        "## What is to blame\n",
+        "Sobol indices: the share of the variance that goes when this number alone is "
+        "known (first), and that stays when all others are (total). Gradient: the "
+        "median over members of the derivative times the standard deviation of what "
+        "is drawn. Blocks with a run that failed are left out of the indices, except "
+        f"for `{LEFT}`. Of numbers that are correlated, the index is that of the "
+        "independent score behind each.\n",
+        *parts,
+    ]
+
+
+def _rows(one: dict[str, Any]) -> list[str]:
+    rows = [
+        [
+            row["quantity"],
+            _index(row, "total"),
+            _index(row, "first"),
+            "-" if row["rho"] is None else f"{row['rho']:+.2f}",
+            short(row.get("gradient")),
+        ]
+        for row in one["rows"][:_TOP]
+    ]
+    head = ["number", "total index", "first index", "rank correlation", "gradient"]
+    return markdown_table(head, rows, 1)
+
+
+def _index(row: dict[str, Any], name: str) -> str:
+    if name not in row:
+        return "-"
+    return f"{row[name]:.2f} {brackets(row[f'{name}_interval'])}"
+
+
+def _words(one: dict[str, Any]) -> list[str]:
+    lines = [
+        f"{one['blocks']} blocks, {one['blocks_left_out']} more left out. Agreement on "
+        "the order (Spearman): "
+        + "; ".join(f"{pair} {value:.2f}" for pair, value in one["agreement"].items())
+        + "."
+        if one["agreement"]
+        else f"{one['blocks']} blocks, {one['blocks_left_out']} more left out."
+    ]
+    if one["disagreements"]:
+        lines.append("They disagree: " + "; ".join(one["disagreements"]) + ".")
+    return ["\n".join(lines) + "\n"]
+
+
+def sobol_figure(found: dict[str, Any]) -> Figure:
+    """Sorted bars of total and first indices, of leaving a funnel and how far.
+
+    Args:
+        found: of one set of gains in the summary.
+    """
+    figure = new_figure(PAGE, 3.2)
+    panels = figure.subplots(1, len(_DRAWN))
+    colours = [style.colour for style in distinct_styles(2)]
+    for axis, (output, title) in zip(panels, _DRAWN.items(), strict=True):
+        rows = [row for row in found["sensitivity"][output]["rows"] if "total" in row]
+        rows = rows[:_TOP]
+        axis.set_xlabel(f"Sobol index of {title}")
+        if not rows:
+            axis.set_axis_off()
+            axis.text(0.5, 0.5, f"{title}: nothing varies", ha="center")
+            continue
+        groups = {
+            name: (
+                np.array([row[name] for row in rows]),
+                np.array([row[f"{name}_interval"][0] for row in rows]),
+                np.array([row[f"{name}_interval"][1] for row in rows]),
+            )
+            for name in ("total", "first")
+        }
+        figures.bars(axis, [row["quantity"] for row in rows], groups, colours)
+        # Too few blocks give intervals that would dwarf every bar.
+        low, high = axis.get_xlim()
+        axis.set_xlim(max(low, -0.5), min(high, 1.5))
+        legend_above(axis, axis.get_legend_handles_labels()[0])
+    return figure

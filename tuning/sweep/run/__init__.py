@@ -1,0 +1,1 @@
+"""The campaign: its rows, where they are stored, who computes them."""

@@ -1,0 +1,188 @@
+"""What defines a campaign: every row follows from this, and from nothing else.
+
+It is kept beside the rows, whole files and all, so that a campaign can be gone on with,
+joined or run again where the files it was made from are gone or changed.
+"""
+
+import argparse
+import dataclasses
+import hashlib
+import json
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from jaxglider.core.toml import ConfigError
+from jaxglider.files.mission import build_mission, self_contained
+from jaxglider.files.uncertainty import build_uncertainty
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.scenario import Scenario
+from jaxglider.uncertainty.members import Uncertainty
+from jaxglider.uncertainty.quantities import uniform_uncertainty
+from jaxglider.uncertainty.sampling import (
+    AbstractDesign,
+    LatinHypercube,
+    MonteCarlo,
+    SobolSequence,
+)
+from tuning.problem.case import Case
+from tuning.problem.gain_sets import MISSION, PAPER, Gains
+from tuning.problem.members import SWEEP
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """A campaign as told on the command line, files included.
+
+    Attributes:
+        scenario: `switching`, `waypoints`, or the mission's name.
+        plant: name of the plant.
+        dt: control tick [s]; None for the case's own.
+        duration: horizon [s]; likewise.
+        precision: of the rollouts, 32 or 64 bits.
+        seed: of the members.
+        members: how many, over all shards; the most there can be with `--until-ci`.
+        design: how they are placed, `monte-carlo`, `latin-hypercube` or `sobol`.
+        uncertainty: a half width for all, or the text of an uncertainty file.
+        gains: what is compared, in order.
+        until_ci: width of the interval at which to stop, or None.
+        mission: the tables of a mission file, files that it names included, or None
+            for a case of the paper.
+    """
+
+    scenario: str
+    plant: str
+    dt: float | None
+    duration: float | None
+    precision: int
+    seed: int
+    members: int
+    design: str
+    uncertainty: float | str
+    gains: tuple[Gains, ...]
+    until_ci: float | None = None
+    mission: dict[str, Any] | None = None
+
+    def case(self) -> Case:
+        """What is flown."""
+        if self.mission is not None:
+            return Case.of_mission(build_mission(self.mission), self.duration)
+        return Case.of_paper(self.scenario, self.plant, self.dt, self.duration)
+
+    def fingerprint(self) -> str:
+        """A digest of everything that the rows depend on."""
+        told = json.dumps(dataclasses.asdict(self), sort_keys=True)
+        return hashlib.sha256(told.encode()).hexdigest()
+
+    @classmethod
+    def of(cls, told: dict[str, Any]) -> "Settings":
+        """Settings from what `dataclasses.asdict` made of them."""
+        gains = tuple(Gains(**entry) for entry in told["gains"])
+        return cls(**{**told, "gains": gains})
+
+
+@dataclasses.dataclass(frozen=True)
+class Campaign:
+    """A campaign put together.
+
+    Attributes:
+        settings: it follows from.
+        uncertainty: what differs from member to member.
+        design: where the members lie.
+        loops: one for each set of gains, all in the nominal scenario.
+        kinds: of their controllers.
+        stream: of the members' keys; those of another stream are others.
+    """
+
+    settings: Settings
+    uncertainty: Uncertainty
+    design: AbstractDesign
+    loops: tuple[ClosedLoop, ...]
+    kinds: tuple[str, ...]
+    stream: int = SWEEP
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the sets of gains."""
+        return tuple(gains.label for gains in self.settings.gains)
+
+    @property
+    def waypoints(self) -> int | None:
+        """How many waypoints the course has, or None where there is no course."""
+        return self.uncertainty.scenario.reference.waypoints
+
+
+def read_settings(options: argparse.Namespace, half_width: Any) -> Settings:
+    """Settings from the options of the command line.
+
+    Args:
+        options: of `jaxglider sweep`.
+        half_width: one of the levels of uncertainty asked for: a number or a file.
+
+    Raises:
+        ValueError: a file cannot be read.
+    """
+    case = Case.of_options(options)
+    words = options.gains or [MISSION if case.own is not None else PAPER]
+    return Settings(
+        scenario=case.title,
+        plant=case.plant,
+        dt=options.dt,
+        duration=options.duration,
+        precision=options.precision,
+        seed=options.seed,
+        members=options.members,
+        design=options.design,
+        uncertainty=_text(half_width),
+        gains=case.resolve(words, options.controller),
+        until_ci=options.until_ci,
+        mission=None if options.config is None else self_contained(options.config),
+    )
+
+
+def _text(half_width: float | Path) -> float | str:
+    if isinstance(half_width, float):
+        return half_width
+    try:
+        return half_width.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{half_width}: cannot be read ({error}).") from error
+
+
+def build(settings: Settings) -> Campaign:
+    """Put a campaign together.
+
+    Raises:
+        ValueError: a number, an uncertainty or a set of gains cannot be used.
+    """
+    case = settings.case()
+    uncertainty = _uncertainty(settings.uncertainty, case.scenario)
+    case = dataclasses.replace(case, scenario=uncertainty.scenario)
+    kinds, loops = zip(*(case.loop(gains) for gains in settings.gains), strict=True)
+    return Campaign(
+        settings, uncertainty, make_design(settings, uncertainty.names()), loops, kinds
+    )
+
+
+def _uncertainty(given: float | str, scenario: Scenario) -> Uncertainty:
+    if isinstance(given, str):
+        try:
+            return build_uncertainty(tomllib.loads(given), scenario)
+        except (ConfigError, tomllib.TOMLDecodeError) as error:
+            raise ConfigError(f"--uncertainty: {error}") from error
+    if given == 0.0:
+        raise ConfigError(
+            "--uncertainty must be above zero for a sweep; received 0. For the nominal "
+            "run alone use `jaxglider compare`."
+        )
+    return uniform_uncertainty(scenario, given, given)
+
+
+def make_design(settings: Settings, names: Sequence[str]) -> AbstractDesign:
+    """Where the members of a campaign lie in the unit cube."""
+    if settings.design == "latin-hypercube":
+        return LatinHypercube(settings.seed, len(names), settings.members)
+    if settings.design == "sobol":
+        return SobolSequence(settings.seed, len(names))
+    return MonteCarlo(settings.seed, tuple(names), SWEEP)

@@ -1,0 +1,230 @@
+"""Rows on disk: appended chunk by chunk, whole up to the last one whatever happens.
+
+A folder holds `campaign.json`, which says what the campaign is, and `rows.bin`, rows of
+one size in the order of the members, each with a check sum. What a crash has left of a
+row at the end is cut off when the campaign goes on, so that the file ends up the same,
+byte for byte, as without the crash.
+"""
+
+import contextlib
+import dataclasses
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxglider.files.writing import write_json
+from tuning.sweep.run.campaign import Campaign, Settings
+from tuning.sweep.run.rows import COLUMNS, checksums, row_type
+
+FORMAT = 1
+_AT_ONCE = 4096
+
+
+class StoreFull(OSError):
+    """Rows could not be written; those before are safe."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Manifest:
+    """What stands beside the rows.
+
+    Attributes:
+        settings: of the campaign.
+        labels: of the sets of gains.
+        quantities: name, path and unit of what is uncertain.
+        first: number of the first member here.
+        last: number after the last one.
+        about: versions and hardware that made the rows.
+    """
+
+    settings: Settings
+    labels: tuple[str, ...]
+    quantities: tuple[tuple[str, str, str], ...]
+    first: int
+    last: int
+    about: dict[str, Any]
+
+    @classmethod
+    def of(
+        cls, campaign: Campaign, first: int, last: int, about: dict[str, Any]
+    ) -> "Manifest":
+        """The manifest of members `first` to `last` of a campaign."""
+        return cls(
+            campaign.settings,
+            campaign.labels,
+            tuple((q.name, q.path, q.unit) for q in campaign.uncertainty.quantities),
+            first,
+            last,
+            about,
+        )
+
+    def row_type(self) -> np.dtype:
+        """Type of the rows."""
+        return row_type(len(self.quantities), len(self.labels))
+
+    def write(self, folder: Path) -> None:
+        """Write `campaign.json`."""
+        told = dataclasses.asdict(self)
+        head = {"format": FORMAT, "fingerprint": self.settings.fingerprint()}
+        write_json(folder / "campaign.json", {**head, "columns": list(COLUMNS), **told})
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """The manifest in a folder.
+
+    Raises:
+        ValueError: there is none, or it cannot be used.
+    """
+    path = folder / "campaign.json"
+    try:
+        told = json.loads(path.read_text())
+    except FileNotFoundError:
+        raise ValueError(
+            f"{folder} holds no campaign: there is no {path.name}. `jaxglider sweep "
+            "--out` makes one."
+        ) from None
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path} cannot be read ({error}).") from error
+    try:
+        if told["format"] != FORMAT or told["columns"] != list(COLUMNS):
+            raise ValueError("it was made by another version; run the sweep anew")
+        quantities = tuple(tuple(entry) for entry in told["quantities"])
+        manifest = Manifest(
+            Settings.of(told["settings"]),
+            tuple(told["labels"]),
+            quantities,
+            told["first"],
+            told["last"],
+            told["about"],
+        )
+        if manifest.settings.fingerprint() != told["fingerprint"]:
+            raise ValueError("it has been changed by hand")
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} cannot be used: {error}.") from error
+    return manifest
+
+
+class Store:
+    """The rows of one folder, open for appending by one process at a time."""
+
+    def __init__(self, path: Path, kind: np.dtype, first: int) -> None:
+        """Open or make a file, and cut off what a crash has left at its end.
+
+        Args:
+            path: of the file.
+            kind: type of the rows.
+            first: number of the first member.
+
+        Raises:
+            ValueError: another process writes it.
+            OSError: it cannot be written.
+        """
+        self.path, self._kind = path, kind
+        self._file = open(path, "a+b", buffering=0)  # noqa: SIM115
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            self._file.close()
+            raise ValueError(f"{path} is being written by another process.") from error
+        self.count = whole_rows(path, kind, first)
+        self.cut = os.path.getsize(path) - self.count * kind.itemsize
+        os.ftruncate(self._file.fileno(), self.count * kind.itemsize)
+
+    def append(self, rows: np.ndarray) -> None:
+        """Add rows and see them safe.
+
+        Raises:
+            StoreFull: they cannot be written; the file is as before.
+        """
+        data = memoryview(rows.tobytes())
+        try:
+            while data:
+                data = data[self._file.write(data) or 0 :]
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file.fileno(), self.count * self._kind.itemsize)
+            raise StoreFull(
+                f"{self.path} cannot be written ({error}); {self.count} members are "
+                "safe. Make room and go on with --resume."
+            ) from error
+        self.count += len(rows)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+    def rows(self) -> np.ndarray:
+        """All rows, mapped from the file."""
+        return read_rows(self.path, self._kind)[: self.count]
+
+
+@contextlib.contextmanager
+def opened(folder: Path, kind: np.dtype, first: int) -> Iterator[Store]:
+    """The store of a folder, closed at the end."""
+    store = Store(folder / "rows.bin", kind, first)
+    try:
+        yield store
+    finally:
+        store.close()
+
+
+def read_rows(path: Path, kind: np.dtype) -> np.ndarray:
+    """The rows of a file, mapped; what is left of a row at the end is not seen."""
+    count = os.path.getsize(path) // kind.itemsize if path.exists() else 0
+    if count == 0:
+        return np.zeros(0, kind)
+    return np.memmap(path, kind, "r", shape=(count,))
+
+
+def whole_rows(path: Path, kind: np.dtype, first: int) -> int:
+    """How many rows are whole and in order, from the start."""
+    rows = read_rows(path, kind)
+    for start in range(0, len(rows), _AT_ONCE):
+        part = np.array(rows[start : start + _AT_ONCE])
+        expected = np.arange(first + start, first + start + len(part))
+        wrong = (part["check"] != checksums(part)) | (part["member"] != expected)
+        if np.any(wrong):
+            return start + int(np.argmax(wrong))
+    return len(rows)
+
+
+def prepare(folder: Path, manifest: Manifest, *, resume: bool, overwrite: bool) -> None:
+    """See that the folder holds this campaign or none.
+
+    Raises:
+        ValueError: it holds another one, or this one and it is not to be gone on with.
+    """
+    if (folder / "campaign.json").exists() and not overwrite:
+        if not resume:
+            raise ValueError(
+                f"--out {folder} holds a campaign; go on with it by --resume, discard "
+                "it by --overwrite, or give another folder."
+            )
+        kept = read_manifest(folder)
+        same_part = (kept.first, kept.last) == (manifest.first, manifest.last)
+        if kept.settings != manifest.settings or not same_part:
+            raise ValueError(
+                f"--resume: {folder} holds a campaign with other options "
+                f"({', '.join(_differences(kept, manifest))}); repeat those, or give "
+                "another folder."
+            )
+        return
+    for name in ("rows.bin", "sobol.bin"):
+        (folder / name).unlink(missing_ok=True)
+    manifest.write(folder)
+
+
+def _differences(kept: Manifest, wanted: Manifest) -> list[str]:
+    names = [
+        name
+        for name, value in vars(kept.settings).items()
+        if value != getattr(wanted.settings, name)
+    ]
+    parts = (kept.first, kept.last) != (wanted.first, wanted.last)
+    return [*names, "shard"] if parts and "members" not in names else names
