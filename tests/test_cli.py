@@ -13,6 +13,8 @@ import netCDF4
 import numpy as np
 import pytest
 
+import tuning.cli.commands.compare
+import tuning.cli.commands.simulate
 import tuning.cli.commands.tune
 import tuning.cli.main
 import tuning.cli.parser
@@ -272,7 +274,7 @@ def test_gains_of_the_package_are_compared_by_the_word(call, monkeypatch):
         entries.extend(given)
         return [], True
 
-    monkeypatch.setattr(tuning.evaluation.runs, "run_all", remember)
+    monkeypatch.setattr(tuning.cli.commands.compare, "run_all", remember)
     law = ("--controllers", "fxtppc")
     code, _, _ = call("compare", "--plant", "rigid-body", "--gains", "tuned", *law)
     assert code == 130
@@ -449,7 +451,7 @@ def test_running_out_of_memory_is_told_in_one_line(call, monkeypatch):
     def full(*args, **kwargs):
         raise RuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 8 bytes.\nx")
 
-    monkeypatch.setattr(tuning.evaluation.runs, "run_all", full)
+    monkeypatch.setattr(tuning.cli.commands.simulate, "run_all", full)
     code, out, err = call("simulate", "--config", "mission.toml")
     assert (code, out) == (1, "")
     assert err.startswith("jaxglider: out of memory: shorten the run")

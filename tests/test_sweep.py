@@ -13,6 +13,7 @@ from scipy import stats
 from toy_campaign import RUN, Toy
 
 import tuning.cli.commands.sweep
+import tuning.sweep.report.conclude
 import tuning.sweep.report.report
 from jaxglider.simulation.rollout import simulate
 from jaxglider.uncertainty.members import with_member
@@ -374,7 +375,7 @@ def test_a_full_disk_ends_a_campaign_with_code_1(sweep, tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(tuning.cli.commands.sweep, "write_members", full)
+        patch.setattr(tuning.sweep.report.conclude, "write_members", full)
         code, _, err = sweep(RUN + "--members 1500 --out a --resume")
     assert code == 1
     assert "No space left on device); 1500 members are safe. Make room" in err
