@@ -33,27 +33,27 @@ from search_runs import CMA, DESCENT, LOOKS, RANDOM, Run, draw, summary, table
 from jaxglider import map_members, paper
 from jaxglider.files.writing import provenance
 from tuning.cli.parser import parser as tune_parser
-from tuning.problem.lanes import size
-from tuning.problem.problem import Task, build_task
+from tuning.problem.lanes import member_count
+from tuning.problem.problem import TuningProblem, build_task
 from tuning.reporting.statistics import plain
 from tuning.search.descent import Descent, scattered
 from tuning.search.evolution import cma_es, default_population, random_search
-from tuning.search.rescue import is_lost, promising_start
-from tuning.search.settings import Settings
+from tuning.search.rescue import is_lost, promising_gains
+from tuning.search.settings import DescentSettings
 
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
     """What is tuned, from where, and the problem in words."""
 
-    task: Task
+    task: TuningProblem
     start: Any
     about: str
 
     @property
-    def size(self) -> int:
+    def member_count(self) -> int:
         """Number of members."""
-        return size(self.task.training)
+        return member_count(self.task.training)
 
 
 def make_problem(options: argparse.Namespace) -> Problem:
@@ -105,7 +105,7 @@ def run_descent(descent: Descent, problem: Problem, seed: int) -> Run:
     first = float(state.loss[0])
     run.note(spent, time.perf_counter() - begun, first, problem.start)
     if is_lost(state.loss, problem.task.unit):
-        found = promising_start(problem.task, problem.start, first, seed)
+        found = promising_gains(problem.task, problem.start, first, seed)
         state = seeded.start(found.free)
         spent += found.rollouts + cost
         now = float(state.loss[0])
@@ -133,7 +133,9 @@ def compare(problem: Problem, options: argparse.Namespace) -> tuple[Any, Any]:
         problem.task.loss,
         problem.task.training,
         jax.tree.map(lambda x: x[:1], problem.task.training),
-        Settings(steps=options.steps, patience=options.steps, copies=options.copies),
+        DescentSettings(
+            steps=options.steps, patience=options.steps, copies=options.copies
+        ),
         problem.task.aggregate,
         guide=problem.task.guide,
         unit=problem.task.unit,

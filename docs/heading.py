@@ -20,9 +20,9 @@ from jaxglider.plotting.style import (
     new_figure,
 )
 from jaxglider.signals import BodyAxes, Command, GliderState
-from jaxglider.signals import zeros as calm
+from jaxglider.signals import transmission_zeros as calm
 from jaxglider.trim.linear_model import STATES, linearise
-from jaxglider.trim.modes import zero_dynamics, zeros
+from jaxglider.trim.modes import transmission_zeros, zero_dynamics
 from jaxglider.trim.steady_motion import SteadyMotion, Target, steady_motion
 from jaxglider.vehicle.plant import AbstractPlant
 
@@ -62,7 +62,7 @@ def row(name: str, plant: AbstractPlant, angle: float, speed: float) -> str:
     inner = [STATES.index(n) for n in ("roll", "sway", "roll_rate", "yaw_rate")]
     end = -np.linalg.solve(a[np.ix_(inner, inner)], b[inner, 2])
     turn = a[STATES.index("heading"), inner] @ end
-    slow = [z for z in zeros(a, b) if z.imag >= 0.0][:2]
+    slow = [z for z in transmission_zeros(a, b) if z.imag >= 0.0][:2]
     words = ", ".join(
         f"{z.real:.3f}" + (f" ± {z.imag:.3f}i" if z.imag else "") for z in slow
     )
@@ -88,7 +88,7 @@ def draw(path: Path) -> None:
             heading.plot(time, np.degrees(after.heading), **line)
             roll.plot(time, np.degrees(after.roll), **line)
             a, b = (np.asarray(x) for x in slopes(plant, motion))
-            found = zeros(a, b)
+            found = transmission_zeros(a, b)
             plane.plot(found.real, found.imag, "o", ms=4, color=style.colour)
             start = np.zeros(len(STATES))
             start[STATES.index("roll")] = math.radians(10.0)

@@ -1,7 +1,7 @@
 """The signals of the closed loop: what flows between glider, observer and controller.
 
 Named scalar fields instead of index constants; a formula that is the same on every
-channel or axis is one function mapped over the fields with `each`.
+channel or axis is one function mapped over the fields with `map_fields`.
 
 | signal | symbol of the paper |
 |---|---|
@@ -112,15 +112,15 @@ class BodyAxes(Container, Generic[T]):
     yaw: T = _number()
 
     def __add__(self, other: "BodyAxes[T]") -> "BodyAxes[T]":
-        return each(operator.add, self, other)
+        return map_fields(operator.add, self, other)
 
     def __sub__(self, other: "BodyAxes[T]") -> "BodyAxes[T]":
-        return each(operator.sub, self, other)
+        return map_fields(operator.sub, self, other)
 
     def __truediv__(self, other: "BodyAxes[T]") -> "BodyAxes[T]":
         # Divided by what seldom changes, masses and the like: their reciprocals move
         # out of the loop.
-        return each(lambda a, b: a * (1.0 / b), self, other)
+        return map_fields(lambda a, b: a * (1.0 / b), self, other)
 
     def fields(self) -> tuple[T, T, T, T, T, T]:
         """The six things in order."""
@@ -177,7 +177,7 @@ class Measurement(eqx.Module):
     disturbance: BodyAxes[Scalar]
 
 
-def each(function: Callable[..., Any], first: Any, *rest: Any) -> Any:
+def map_fields(function: Callable[..., Any], first: Any, *rest: Any) -> Any:
     """Apply a function field by field to containers of one kind.
 
     Args:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from jaxglider import paper
-from jaxglider.export.plant import Afloat, drift, truth_of
+from jaxglider.export.plant import PlantState, drift, truth_of
 from jaxglider.export.vectors import replay
 from jaxglider.onboard.autopilot import autopilot
 from jaxglider.onboard.guard import BITS, STATUS, Guard, status_names
-from jaxglider.signals import BodyAxes, Command, GliderState, each, zeros
+from jaxglider.signals import BodyAxes, Command, GliderState, map_fields, zeros
 from jaxglider.vehicle.actuators import Actuator
 
 TICKS = 400
@@ -260,7 +260,9 @@ def sail(loop, times, gap, shift):
         following = drift(loop, truth, afloat, command, force)
         return (after, following), following.state
 
-    start = Afloat(loop.scenario.initial_state, zeros(Command, dt), jnp.zeros_like(dt))
+    start = PlantState(
+        loop.scenario.initial_state, zeros(Command, dt), jnp.zeros_like(dt)
+    )
     return jax.lax.scan(tick, (pilot.init(), start), (times, gap, shift))[1]
 
 
@@ -330,4 +332,4 @@ def test_a_guard_refuses_what_is_not_positive():
     ranges = Guard(speed=3.0).ranges()
     assert isinstance(ranges, GliderState)
     assert float(ranges.heave) == 3.0
-    assert each(lambda x: float(x) > 0, ranges).yaw_rate
+    assert map_fields(lambda x: float(x) > 0, ranges).yaw_rate

@@ -19,7 +19,7 @@ from jaxglider.files.results import metrics_dict
 from jaxglider.simulation.rollout import evaluate
 from jaxglider.vehicle.published import vehicle_text
 from tuning.cli.parser import parser
-from tuning.problem.case import Case
+from tuning.problem.case import FlightCase
 from tuning.problem.problem import build_task
 from tuning.sweep.run.campaign import build, read_settings
 
@@ -74,12 +74,12 @@ def test_another_law_can_be_tuned_for_the_same_mission():
 def test_a_funnel_of_the_mission_is_what_is_judged_by(tmp_path):
     funnel = {"performance": {"heading": {"final_bound_rad": 0.6}}}
     (tmp_path / "bay.toml").write_text(tomli_w.dumps(COURSE | {"funnel": funnel}))
-    case = Case.of_options(_options("tune"))
+    case = FlightCase.of_options(_options("tune"))
     assert float(case.scenario.funnel.performance.heading.final_bound) == 0.6
 
 
 def test_the_horizon_alone_can_be_given_beside_a_mission():
-    clock = Case.of_options(_options("tune", "--duration", "2")).scenario.clock
+    clock = FlightCase.of_options(_options("tune", "--duration", "2")).scenario.clock
     assert (clock.ticks, float(clock.dt)) == (20, 0.1)
 
 
@@ -186,7 +186,7 @@ def test_slow_actuators_are_all_that_these_missions_change_of_the_papers(
     name, scenario
 ):
     loop = load_mission(MISSIONS / f"seawing-{name}.toml").loop
-    case = Case.of_paper(scenario, "seawing", None, None)
+    case = FlightCase.of_paper(scenario, "seawing", None, None)
     gains = MISSIONS / f"seawing-{name}-gains.toml"
     law = load_gains(gains, scenario, loop.controller.model)
     assert (law.guidance is not None) == (scenario == "waypoints")

@@ -12,7 +12,7 @@ import pytest
 
 from jaxglider import enable_fast_loops
 from jaxglider.core import compiler as _compile
-from jaxglider.core.compiler import apart
+from jaxglider.core.compiler import not_inlined
 
 
 @pytest.fixture(autouse=True)
@@ -183,7 +183,7 @@ def test_a_function_apart_is_called_and_not_merged_and_stays_itself():
     def wave(x):
         return jnp.sin(x) * x, jnp.clip(x, -1.0, 1.0)
 
-    kept, x = apart(wave), jnp.linspace(-2.0, 2.0, 7)
+    kept, x = not_inlined(wave), jnp.linspace(-2.0, 2.0, 7)
     lowered = jax.jit(lambda x: kept(x)[0] + kept(x)[1]).lower(x).as_text()
     calls = [line for line in lowered.splitlines() if "call @" in line]
     marked = [line for line in calls if 'inlineable = "false"' in line]

@@ -32,8 +32,8 @@ from jaxglider.environment.disturbances import (
     Calm,
     Constant,
     GaussMarkov,
+    ScaledDisturbance,
     Sum,
-    Varied,
     axes,
     same_on_all_axes,
 )
@@ -317,7 +317,9 @@ REGISTRY = {
     "disturbance/sinusoid": lambda: disturbance(paper.disturbance()),
     "disturbance/gauss-markov": lambda: disturbance(coloured()),
     "disturbance/sum": lambda: disturbance(Sum((paper.disturbance(), Calm()))),
-    "disturbance/varied": lambda: disturbance(Varied(paper.disturbance(), 1.3, 0.4)),
+    "disturbance/varied": lambda: disturbance(
+        ScaledDisturbance(paper.disturbance(), 1.3, 0.4)
+    ),
     "plant/printed": lambda: plant(printed_plant(PARAMETERS)),
     "plant/rigid-body": lambda: plant(rigid_body_plant(PARAMETERS)),
     "plant/seawing": lambda: plant(full_plant(load_vehicle("seawing"))),

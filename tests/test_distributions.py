@@ -6,7 +6,7 @@ from scipy import stats
 
 from jaxglider.uncertainty.distributions import (
     LogNormal,
-    Sometimes,
+    Mixture,
     TruncatedNormal,
     Uniform,
     correlated,
@@ -51,19 +51,19 @@ def test_support_is_where_the_values_end():
     assert Uniform(0.8, 1.2).support() == pytest.approx((0.8, 1.2))
     assert TruncatedNormal(1.0, 0.1, 2.0).support() == pytest.approx((0.8, 1.2))
     assert LogNormal(2.0, 1.0, 1.0).support() == pytest.approx((2 / np.e, 2 * np.e))
-    assert Sometimes(0.5, Uniform(1.0, 2.0), 9.0).support() == pytest.approx((1.0, 9.0))
+    assert Mixture(0.5, Uniform(1.0, 2.0), 9.0).support() == pytest.approx((1.0, 9.0))
 
 
 def test_sometimes_happens_as_often_as_it_says():
-    found = Sometimes(0.25, Uniform(10.0, 20.0), 99.0).quantile(
+    found = Mixture(0.25, Uniform(10.0, 20.0), 99.0).quantile(
         (np.arange(400) + 0.5) / 400
     )
     happened = found < 99.0
     assert happened.sum() == 100
     assert found[happened].mean() == pytest.approx(15.0)
-    assert np.all(Sometimes(0.0, Uniform(1.0, 2.0), 99.0).quantile(U) == 99.0)
+    assert np.all(Mixture(0.0, Uniform(1.0, 2.0), 99.0).quantile(U) == 99.0)
     np.testing.assert_array_equal(
-        Sometimes(1.0, Uniform(1.0, 2.0), 99.0).quantile(U),
+        Mixture(1.0, Uniform(1.0, 2.0), 99.0).quantile(U),
         Uniform(1.0, 2.0).quantile(U),
     )
 
@@ -88,7 +88,7 @@ def test_a_copula_has_the_correlation_and_keeps_the_columns_uniform():
         (lambda: TruncatedNormal(0.0, 0.0), r"TruncatedNormal\.deviation must be pos"),
         (lambda: TruncatedNormal(0.0, 1.0, -1.0), r"truncation must be positive"),
         (lambda: LogNormal(0.0, 1.0), r"LogNormal\.median must be positive"),
-        (lambda: Sometimes(1.5, Uniform(0.0, 1.0), 0.0), r"probability must be in"),
+        (lambda: Mixture(1.5, Uniform(0.0, 1.0), 0.0), r"probability must be in"),
         (lambda: correlated(U[:, None], np.array([[2.0]])), "correlation must be"),
         (
             lambda: correlated(np.ones((1, 2)), np.array([[1.0, 1.5], [1.5, 1.0]])),

@@ -13,9 +13,9 @@ from jaxglider.environment.disturbances import (
     Calm,
     Constant,
     GaussMarkov,
+    ScaledDisturbance,
     Sinusoid,
     Sum,
-    Varied,
     axes,
     same_on_all_axes,
 )
@@ -199,7 +199,7 @@ def test_impossible_numbers_are_refused(law, rule):
 def test_a_varied_sea_is_stronger_and_turned_about_the_vertical():
     sea = paper.disturbance()
     plain = _rows(sea.realise(KEY, TIMES))
-    turned = _rows(Varied(sea, 1.5, 0.4).realise(KEY, TIMES))
+    turned = _rows(ScaledDisturbance(sea, 1.5, 0.4).realise(KEY, TIMES))
     rotation = np.array(
         [[math.cos(0.4), -math.sin(0.4)], [math.sin(0.4), math.cos(0.4)]]
     )

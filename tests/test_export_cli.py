@@ -15,7 +15,7 @@ import tuning.evaluation.runs
 from jaxglider import paper
 from jaxglider.files.codec import encode
 from jaxglider.files.gains import load_gains
-from jaxglider.onboard.pipe import Peer, PipeError
+from jaxglider.onboard.pipe import ChildProcess, PipeError
 from tuning.cli.main import main
 
 MISSION = """
@@ -206,7 +206,7 @@ def _failing(folder, fake):
 @pytest.mark.parametrize("fake", FAIL_LATER)
 def test_what_a_program_does_wrong_later_is_kept_for_the_end(tmp_path, fake):
     script, said = _failing(tmp_path, fake)
-    peer = Peer([str(script)], 0.05, timeout=0.5)
+    peer = ChildProcess([str(script)], 0.05, timeout=0.5)
     answers = [peer.command(*np.zeros(13)) for _ in range(10)]
     peer.close()
     np.testing.assert_array_equal(answers[:7], [[0.1, 0.0, 0.0]] * 7)
@@ -236,8 +236,8 @@ def test_a_missing_program_is_a_usage_error(call):
 @needs_make
 def test_the_program_refuses_another_tick_and_bad_lines(program):
     with pytest.raises(PipeError, match=r"exported for a tick of 0\.05"):
-        Peer([str(program)], 0.1)
-    peer = Peer([str(program)], 0.05)
+        ChildProcess([str(program)], 0.1)
+    peer = ChildProcess([str(program)], 0.05)
     answer = peer.command(*np.zeros(13))
     assert np.isfinite(answer).all()
     # Missing numbers are answered, not refused.

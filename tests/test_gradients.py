@@ -19,7 +19,7 @@ from jaxglider import RollAwareFxTPPC, map_members, paper
 from jaxglider.control import AbstractController, ControlRecord, tracking_error
 from jaxglider.control.observer import NoObserver
 from jaxglider.core.differentiation import value_and_gradient
-from jaxglider.signals import BodyAxes, Channels, Command, each, zeros
+from jaxglider.signals import BodyAxes, Channels, Command, map_fields, zeros
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import finish
 from jaxglider.simulation.rollout import evaluate, sparse_checkpoints
@@ -200,7 +200,7 @@ class Swing(AbstractPlant):
     parameters: GliderParameters
 
     def derivative(self, state, command, disturbance):
-        rates = each(lambda x: -0.1 * jnp.sin(x), state)
+        rates = map_fields(lambda x: -0.1 * jnp.sin(x), state)
         push = command.mass_position + disturbance.pitch - jnp.sin(state.pitch)
         return dataclasses.replace(rates, pitch=state.pitch_rate, pitch_rate=push)
 
@@ -219,7 +219,7 @@ class Proportional(AbstractController):
 
     def step(self, state, measurement, reference, bounds, dt):
         error, _ = tracking_error(measurement, reference)
-        wanted = each(lambda k, e: -k * e, self.gains, error)
+        wanted = map_fields(lambda k, e: -k * e, self.gains, error)
         return Command(*vars(wanted).values()), state, ControlRecord(error, error)
 
 
@@ -241,12 +241,12 @@ class Integrating(Proportional):
 
     def step(self, state, measurement, reference, bounds, dt):
         error, _ = tracking_error(measurement, reference)
-        total = each(lambda s, e: s + dt * e, state, error)
+        total = map_fields(lambda s, e: s + dt * e, state, error)
         felt = dataclasses.replace(
             error, pitch=error.pitch + measurement.disturbance.pitch
         )
-        felt = each(lambda e, s: e + 0.1 * s, felt, total)
-        wanted = each(lambda k, e: -k * e, self.gains, felt)
+        felt = map_fields(lambda e, s: e + 0.1 * s, felt, total)
+        wanted = map_fields(lambda k, e: -k * e, self.gains, felt)
         record = ControlRecord(error, error)
         return Command(*vars(wanted).values()), total, record
 
@@ -256,7 +256,7 @@ class Lagging(NoObserver):
 
     def step(self, observer_state, measurement, applied, following, dt):
         felt = BodyAxes(*following.velocity().fields()[:5], applied.mass_angle)
-        return each(lambda d, x: d + dt * (x - d), observer_state, felt)
+        return map_fields(lambda d, x: d + dt * (x - d), observer_state, felt)
 
 
 def _remembering(ticks):
@@ -264,7 +264,7 @@ def _remembering(ticks):
     loop = _swinging(ticks)
     scenario = dataclasses.replace(
         loop.scenario,
-        actuators=each(
+        actuators=map_fields(
             lambda a: dataclasses.replace(a, time_constant=0.5),
             loop.scenario.actuators,
         ),

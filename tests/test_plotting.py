@@ -25,7 +25,7 @@ from jaxglider.control.performance import (
 from jaxglider.plotting.save import save
 from jaxglider.plotting.series import MAX_POINTS, break_jumps, keep_extremes
 from jaxglider.plotting.style import look, styles
-from jaxglider.signals import BodyAxes, Channels, Command, GliderState, each
+from jaxglider.signals import BodyAxes, Channels, Command, GliderState, map_fields
 from jaxglider.simulation.metrics import empty_sums, finish
 from jaxglider.simulation.rollout import Trajectory
 from jaxglider.simulation.tick import TickRecord
@@ -64,7 +64,7 @@ def tick_at(number, active_until, error_scale, bound):
         error=error,
         limits=Channels(edges, edges, edges),
         surface=Channels(zero, zero, zero),
-        wanted=each(lambda u: 1e9 * u, applied),
+        wanted=map_fields(lambda u: 1e9 * u, applied),
         applied=applied,
         estimate=BodyAxes(*(k * jnp.sin(t) for k in range(1, 7))),
         lumped=BodyAxes(*(k * jnp.cos(t) for k in range(1, 7))),
@@ -156,7 +156,7 @@ def test_a_wrapped_angle_is_not_joined_across_its_jump():
 
 def test_another_reference_is_drawn_only_where_it_differs():
     same, other = make_run(), make_run()
-    away = each(lambda x: x + 0.3, other.ticks.reference)
+    away = map_fields(lambda x: x + 0.3, other.ticks.reference)
     moved = eqx.tree_at(lambda r: r.ticks.reference, other, away)
     counts = []
     for first in (same, moved):
@@ -411,7 +411,7 @@ def test_runs_that_are_not_finite_do_not_stop_the_figures(run):
 
 
 def test_huge_finite_numbers_do_not_stop_the_figures(run):
-    far = each(lambda x: x.at[50:].set(1e300), run.ticks.state)
+    far = map_fields(lambda x: x.at[50:].set(1e300), run.ticks.state)
     huge = eqx.tree_at(lambda r: r.ticks.state, run, far)
     axes = panels(5, 3)
     plotting.vehicle_state(axes, huge)

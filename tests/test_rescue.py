@@ -8,7 +8,7 @@ import pytest
 
 from tuning.problem.lanes import FAILED, losses
 from tuning.problem.objective import UNIT, Aggregate
-from tuning.search.rescue import DRAWS, ENOUGH, GENERATIONS, is_lost, promising_start
+from tuning.search.rescue import DRAWS, ENOUGH, GENERATIONS, is_lost, promising_gains
 
 MEMBERS = 3
 
@@ -43,7 +43,7 @@ def test_a_start_is_lost_where_no_objective_is_worth_a_descent(objectives, lost)
 def test_a_start_that_fails_gives_way_to_a_better_one(start):
     """Gains far too high and far too low are both brought back."""
     told = []
-    free, spent, said = promising_start(
+    free, spent, said = promising_gains(
         task(island), jnp.asarray([start, 4.0]), FAILED * UNIT, 0, told.append
     )
     assert float(island(free)) < ENOUGH * UNIT
@@ -55,7 +55,7 @@ def test_a_start_that_fails_gives_way_to_a_better_one(start):
 
 
 def test_where_all_fail_it_is_said_and_the_start_kept():
-    free, spent, said = promising_start(
+    free, spent, said = promising_gains(
         task(lambda x: jnp.sum(x) * jnp.nan), jnp.asarray([1.0, 2.0]), FAILED * UNIT, 0
     )
     np.testing.assert_array_equal(free, [1.0, 2.0])

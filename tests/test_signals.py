@@ -12,7 +12,7 @@ from jaxglider.signals import (
     Command,
     GliderState,
     Measurement,
-    each,
+    map_fields,
     output_rates,
     zeros,
 )
@@ -49,7 +49,7 @@ def test_velocity_lists_the_six_body_rates_in_order():
 
 def test_each_maps_field_by_field_and_keeps_the_first_type():
     a, b = Channels(1.0, 2.0, 3.0), Channels(10.0, 20.0, 30.0)
-    got = each(lambda x, y: y - x, a, b)
+    got = map_fields(lambda x, y: y - x, a, b)
     assert type(got) is Channels
     assert [float(got.depth), float(got.pitch), float(got.heading)] == [9.0, 18.0, 27.0]
 

@@ -20,13 +20,13 @@ from jaxglider.uncertainty.members import with_member
 from tuning.problem.gain_sets import resolve
 from tuning.sweep.analysis.rank_correlations import rank_correlations
 from tuning.sweep.analysis.ribbons import Ribbons, ribbons
-from tuning.sweep.run.campaign import Settings, build
+from tuning.sweep.run.campaign import CampaignSettings, build
 from tuning.sweep.run.engine import Engine
 from tuning.sweep.run.loop import STEP, compute, draw
-from tuning.sweep.run.rows import CHANNELS, COLUMNS, Table, flatten, make_rows
+from tuning.sweep.run.rows import CHANNELS, COLUMNS, Rows, flatten, make_rows
 from tuning.sweep.run.store import Store, StoreFull, read_manifest, read_rows
 
-SETTINGS = Settings(
+SETTINGS = CampaignSettings(
     scenario="switching",
     plant="printed",
     dt=0.05,
@@ -389,7 +389,7 @@ def test_a_column_of_a_failed_run_is_infinite():
     metrics = np.ones((3, 1, len(COLUMNS)))
     metrics[1, 0, COLUMNS.index("finite")] = 0.0
     metrics[2, 0, COLUMNS.index("depth.rms_error")] = np.nan
-    table = Table(make_rows(0, np.ones((3, 1)), metrics), ("x",))
+    table = Rows(make_rows(0, np.ones((3, 1)), metrics), ("x",))
     np.testing.assert_array_equal(
         table.column(0, "depth.rms_error"), [1.0, np.inf, np.inf]
     )

@@ -13,7 +13,7 @@ import tuning.cli.commands.rerun
 import tuning.cli.commands.sweep
 from tuning.sweep.analysis.summary import ranked
 from tuning.sweep.run.engine import Engine
-from tuning.sweep.run.rows import COLUMNS, Table, checksums, make_rows
+from tuning.sweep.run.rows import COLUMNS, Rows, checksums, make_rows
 from tuning.sweep.run.store import read_manifest, read_rows
 
 
@@ -143,5 +143,5 @@ def test_members_are_ranked_by_their_worst_channel_failures_last():
     metrics = np.ones((5, 1, len(COLUMNS)))
     metrics[:, 0, COLUMNS.index("pitch.funnel_peak")] = [5.0, 3.0, 9.0, 7.0, 8.0]
     metrics[3, 0, COLUMNS.index("finite")] = 0.0
-    table = Table(make_rows(10, np.ones((5, 1)), metrics), ("x",))
+    table = Rows(make_rows(10, np.ones((5, 1)), metrics), ("x",))
     assert ranked(table, 0) == [11, 10, 14, 12, 13]

@@ -17,7 +17,7 @@ from tuning.problem.members import SENSITIVITY, SWEEP, keys_of
 from tuning.sweep.analysis.derivatives import gradient_scores
 from tuning.sweep.analysis.sensitivity import agreement
 from tuning.sweep.analysis.sobol import Saltelli, indices
-from tuning.sweep.run.campaign import Settings, build
+from tuning.sweep.run.campaign import CampaignSettings, build
 from tuning.sweep.run.loop import draw
 
 
@@ -103,7 +103,7 @@ def test_disagreements_are_put_in_words():
 
 def test_gradient_scores_are_differences_of_the_rollout():
     campaign = build(
-        Settings(
+        CampaignSettings(
             scenario="switching",
             plant="printed",
             dt=0.05,

@@ -8,7 +8,7 @@ from tuning.reporting.statistics import (
     clopper_pearson,
     cvar,
     discordant,
-    paired,
+    paired_difference,
     probability,
     quantile,
     spread,
@@ -113,7 +113,7 @@ def test_a_failed_run_is_the_worst_of_all_and_never_left_out():
 def test_paired_comparison_by_hand():
     first = np.array([1.0, 2.0, 3.0, np.inf, np.inf])
     second = np.array([0.5, 2.5, 1.0, 1.0, np.inf])
-    found = paired(first, second)
+    found = paired_difference(first, second)
     assert found["pairs"] == 3
     assert found["difference"] == pytest.approx(-2.0 / 3.0)
     assert (found["wins"], found["losses"], found["ties"]) == (3, 1, 1)

@@ -11,9 +11,9 @@ from scipy.linalg import expm
 
 from jaxglider import load_vehicle, paper
 from jaxglider.signals import BodyAxes, Command
-from jaxglider.signals import zeros as calm
+from jaxglider.signals import transmission_zeros as calm
 from jaxglider.trim.linear_model import INPUTS, STATES, linearise
-from jaxglider.trim.modes import analyse, zero_dynamics, zeros
+from jaxglider.trim.modes import analyse, transmission_zeros, zero_dynamics
 from jaxglider.trim.steady_motion import SteadyMotion, Target, steady_motion
 from jaxglider.trim.straight_glide import (
     angle_of_attack,
@@ -279,7 +279,7 @@ def test_zero_dynamics_are_what_is_left_when_the_outputs_are_held(plant):
         state, command, 0.0 * state.surge, 0.0 * state.surge, jnp.asarray(True)
     )
     a, b = (np.asarray(x) for x in linearise_jit(glider, motion))
-    found = zeros(a, b)
+    found = transmission_zeros(a, b)
     assert len(found) == 4
     if plant == "printed":
         assert found[0].real < -0.5

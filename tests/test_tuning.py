@@ -9,8 +9,8 @@ from jaxglider import paper
 from jaxglider.simulation.rollout import evaluate
 from jaxglider.uncertainty.members import with_member
 from jaxglider.uncertainty.quantities import uniform_uncertainty
-from tuning.evaluation.held_out import paired
-from tuning.problem.lanes import FAILED, counted
+from tuning.evaluation.held_out import paired_means
+from tuning.problem.lanes import FAILED, saturate_cost
 from tuning.problem.members import (
     SWEEP,
     TEST,
@@ -23,7 +23,7 @@ from tuning.problem.objective import CHANNELS, UNIT, Aggregate, Objective, Weigh
 from tuning.problem.objective_file import DEFAULT_WEIGHTS, load_cost
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descent import Descent, scattered
-from tuning.search.settings import Settings
+from tuning.search.settings import DescentSettings
 from tuning.space.space import Space
 
 K1_AND_K2 = ("controller.gains.*.k1", "controller.gains.*.k2")
@@ -36,7 +36,9 @@ def loop():
 
 
 def _descend(loss, start, **options):
-    settings = Settings(**{"copies": 1, "spread": 0.0, "patience": 10**6} | options)
+    settings = DescentSettings(
+        **{"copies": 1, "spread": 0.0, "patience": 10**6} | options
+    )
     descent = Descent(lambda free, _: loss(free), ALONE, ALONE, settings)
     state = descent.start(start)
     states, steps = [state], []
@@ -85,12 +87,12 @@ def test_weights_of_an_aggregate_are_its_gradient(kind):
         lambda: Weights(tracking=(1.0, 1.0)),
         lambda: Weights(effort=(1.0, -1.0, 1.0)),
         lambda: Weights(roll=float("nan")),
-        lambda: Settings(steps=0),
-        lambda: Settings(learning_rate=-1.0),
-        lambda: Settings(worse=1.0),
-        lambda: Settings(starts=0),
-        lambda: Settings(start_spread=0.0),
-        lambda: Settings(optimiser="newton"),
+        lambda: DescentSettings(steps=0),
+        lambda: DescentSettings(learning_rate=-1.0),
+        lambda: DescentSettings(worse=1.0),
+        lambda: DescentSettings(starts=0),
+        lambda: DescentSettings(start_spread=0.0),
+        lambda: DescentSettings(optimiser="newton"),
     ],
 )
 def test_numbers_out_of_range_are_refused(make):
@@ -298,7 +300,7 @@ def _bowl(slope):
 def test_guide_steers_and_loss_judges():
     """A guide of the same values whose derivative points up the hill: no descent."""
     hill = _bowl(lambda x: -2.0 * x)
-    settings = Settings(steps=5, copies=1, spread=0.0, worse=10.0)
+    settings = DescentSettings(steps=5, copies=1, spread=0.0, worse=10.0)
     descent = Descent(
         lambda free, _: jnp.sum(free**2),
         *(ALONE, ALONE, settings),
@@ -312,7 +314,10 @@ def test_guide_steers_and_loss_judges():
 
 def test_every_member_has_its_turn_in_the_gradient_and_all_judge():
     """Member i pulls along axis i alone: a slope shows whose turn it was."""
-    members, settings = jnp.eye(6), Settings(steps=9, batch=2, copies=1, spread=0.0)
+    members, settings = (
+        jnp.eye(6),
+        DescentSettings(steps=9, batch=2, copies=1, spread=0.0),
+    )
     descent = Descent(lambda x, member: x @ member, members, members, settings)
     state = descent.start(jnp.ones(6))
     turns = [np.asarray(state.slope[0])]
@@ -331,7 +336,7 @@ def test_every_member_has_its_turn_in_the_gradient_and_all_judge():
     [("mean", 32, 8, 72), ("mean", 4, 4, 44), ("cvar", 32, 32, 192)],
 )
 def test_a_batch_and_what_a_step_with_it_costs(kind, members, batch, cost):
-    settings, aggregate = Settings(), Aggregate(kind)
+    settings, aggregate = DescentSettings(), Aggregate(kind)
     assert settings.batch_of(members, aggregate) == batch
     assert settings.gradient_cost(members, aggregate) == cost
 
@@ -344,7 +349,7 @@ def test_a_step_over_a_cliff_goes_back_to_the_best_gains():
 
 
 def test_the_costly_part_compiles_once_on_several_devices():
-    settings = Settings(steps=3, copies=2, spread=0.01)
+    settings = DescentSettings(steps=3, copies=2, spread=0.01)
     descent = Descent(
         *(lambda free, _: jnp.sum(free**2), ALONE, ALONE, settings),
         devices=jax.devices(),
@@ -355,7 +360,7 @@ def test_the_costly_part_compiles_once_on_several_devices():
 
 def test_what_is_chosen_is_best_on_the_validation_set():
     """Training wants x = 3, validation x = 1: the answer is near 1."""
-    settings = Settings(
+    settings = DescentSettings(
         steps=200, learning_rate=0.05, copies=1, spread=0.0, patience=10**6
     )
     loss = lambda free, member: jnp.sum((free - member) ** 2)
@@ -408,7 +413,7 @@ def test_a_resumed_descent_equals_an_uninterrupted_one_bit_for_bit(tmp_path):
     options = {"steps": 25, "copies": 6, "spread": 0.05, "learning_rate": 0.2}
     options["starts"] = 3
     whole, _ = _descend(wavy, jnp.array([1.0, -2.0]), **options)
-    settings = Settings(**options, patience=10**6)
+    settings = DescentSettings(**options, patience=10**6)
     make = lambda: Descent(lambda free, _: wavy(free), ALONE, ALONE, settings)
     path = tmp_path / "checkpoint.npz"
     descent, history = make(), []
@@ -444,13 +449,13 @@ def test_paired_interval_is_students_and_ignores_failed_pairs():
     before = rng.normal(1.0, 0.2, 400)
     after = before - 0.1 + rng.normal(0.0, 0.05, 400)
     after[3] = np.nan
-    row = paired(before, after)
+    row = paired_means(before, after)
     assert row["pairs"] == 399
     low, high = row["interval"]
     assert low < -0.1 < high
     assert high - low == pytest.approx(2 * 1.966 * 0.05 / np.sqrt(399), rel=0.1)
-    assert paired(before[:1], after[:1])["interval"] is None
-    assert paired(np.array([np.nan]), np.array([1.0]))["pairs"] == 0
+    assert paired_means(before[:1], after[:1])["interval"] is None
+    assert paired_means(np.array([np.nan]), np.array([1.0]))["pairs"] == 0
 
 
 def test_paired_intervals_cover_the_truth_as_often_as_they_say():
@@ -458,7 +463,7 @@ def test_paired_intervals_cover_the_truth_as_often_as_they_say():
     hits = 0
     for _ in range(2000):
         before = rng.normal(0.0, 1.0, 12)
-        low, high = paired(before, before + rng.normal(0.3, 1.0, 12))["interval"]
+        low, high = paired_means(before, before + rng.normal(0.3, 1.0, 12))["interval"]
         hits += low < 0.3 < high
     assert 0.935 < hits / 2000 < 0.965
 
@@ -477,7 +482,7 @@ def test_tuning_the_paper_case_halves_the_objective(evaluate_jit):
 
     descent = Descent(
         cost,
-        *(member, member, Settings(steps=15)),
+        *(member, member, DescentSettings(steps=15)),
         guide=lambda free, member: cost(free, member, 60.0),
     )
     state = descent.start(space.read(loop))
@@ -491,5 +496,5 @@ def test_a_lost_run_counts_for_more_than_a_poor_one_but_not_for_thousands():
     values = np.array([3.0, 10.0, 20.0, 1e6, np.nan, np.inf])
     wanted = np.array([3.0, 10.0, 10.0 * (1.0 + np.log(2.0)), 30.0, 30.0, 30.0])
     for scale in (0.01, 1.0, 100.0):
-        found = counted(jnp.asarray(scale * values), 4.0 * scale)
+        found = saturate_cost(jnp.asarray(scale * values), 4.0 * scale)
         np.testing.assert_allclose(found, scale * wanted)

@@ -16,7 +16,7 @@ import numpy as np
 from jax import lax
 
 from jaxglider import ClosedLoop, Metrics
-from jaxglider.signals import BodyAxes, GliderState, Measurement, each
+from jaxglider.signals import BodyAxes, GliderState, Measurement, map_fields
 from jaxglider.simulation.metrics import add_tick, finish
 from jaxglider.simulation.rollout import Carry, TickInput
 from jaxglider.vehicle.actuators import follow_all
@@ -48,7 +48,7 @@ def evaluate(loop: ClosedLoop, sea: BodyAxes[Any]) -> Metrics:
     def derivative(time: Any, state: GliderState, held: Any) -> GliderState:
         command, given = held
         slope = given.force_end - given.force_start
-        force = each(lambda f, k: f + time / dt * k, given.force_start, slope)
+        force = map_fields(lambda f, k: f + time / dt * k, given.force_start, slope)
         return scenario.plant.derivative(state, command, force)
 
     def tick(carry: Carry, given: TickInput) -> tuple[Carry, None]:

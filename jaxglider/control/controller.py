@@ -14,14 +14,14 @@ import jax.numpy as jnp
 from jaxglider.control.funnel import Limits
 from jaxglider.control.performance import Bound, unbounded
 from jaxglider.core.containers import Container, Scalar, check_interval
-from jaxglider.core.numerics import once
+from jaxglider.core.numerics import barrier
 from jaxglider.core.rotations import wrap
 from jaxglider.signals import (
     Channels,
     Command,
     Measurement,
     Reference,
-    each,
+    map_fields,
     output_rates,
 )
 from jaxglider.vehicle.design_model import DesignModel
@@ -83,7 +83,7 @@ class AbstractController(Container):
         """The edges within which the errors should stay, −δ_L P and δ_R P."""
         funnel = getattr(self, "funnel", None)
         if funnel is None:
-            return each(lambda b: Limits(-b.value, b.value), bounds)
+            return map_fields(lambda b: Limits(-b.value, b.value), bounds)
         return funnel.limits(bounds)
 
 
@@ -95,7 +95,7 @@ def tracking_error(
     error = Channels(
         s.depth - target.depth, s.pitch - target.pitch, wrap(s.heading - target.heading)
     )
-    rate = each(lambda a, b: a - b, output_rates(measurement), reference.rate)
+    rate = map_fields(lambda a, b: a - b, output_rates(measurement), reference.rate)
     return error, rate
 
 
@@ -113,8 +113,8 @@ def allocate(
         demand: wanted output acceleration η'' [m/s², rad/s²].
         damping: added to the diagonal of gᵀg, one positive number per actuator.
     """
-    push = each(lambda d, f: d - f, demand, model.drift(measurement))
-    push, gain = once((push, model.input_gain(measurement)))
+    push = map_fields(lambda d, f: d - f, demand, model.drift(measurement))
+    push, gain = barrier((push, model.input_gain(measurement)))
     return gain.solve(push, damping)
 
 

@@ -5,7 +5,7 @@ import equinox as eqx
 from jaxglider.control.performance import AbstractPerformanceFunction, Bound
 from jaxglider.control.transform import ErrorTransformation, TransformedError
 from jaxglider.core.containers import Container, Scalar
-from jaxglider.signals import Channels, each
+from jaxglider.signals import Channels, map_fields
 
 
 class Limits(eqx.Module):
@@ -28,11 +28,11 @@ class Funnel(Container):
 
     def bounds(self, clock: Scalar) -> Channels[Bound]:
         """P, P', P'' of each channel at t* [s]."""
-        return each(lambda p: p(clock), self.performance)
+        return map_fields(lambda p: p(clock), self.performance)
 
     def limits(self, bounds: Channels[Bound]) -> Channels[Limits]:
         """−δ_L P and δ_R P of each channel."""
-        return each(
+        return map_fields(
             lambda b, t: Limits(-t.lower * b.value, t.upper * b.value),
             bounds,
             self.transformation,
@@ -45,6 +45,6 @@ class Funnel(Container):
         bounds: Channels[Bound],
     ) -> Channels[TransformedError]:
         """ε, ε', κ and λ of each channel."""
-        return each(
+        return map_fields(
             lambda t, e, e1, b: t(e, e1, b), self.transformation, error, rate, bounds
         )

@@ -29,7 +29,7 @@ from jaxglider.control.performance import Bound
 from jaxglider.control.transform import TransformedError
 from jaxglider.core.containers import Container, Scalar, as_float, check_interval
 from jaxglider.core.numerics import modulus_powers, signed_powers
-from jaxglider.signals import Channels, Command, Measurement, Reference, each
+from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
 from jaxglider.vehicle.design_model import DesignModel
 
 Pair = tuple[Scalar, Scalar]
@@ -132,8 +132,8 @@ class FxTPPC(AbstractController):
         """One tick; the integral is updated after the command is computed."""
         error, rate = tracking_error(measurement, reference)
         transformed = self.funnel.transform(error, rate, bounds)
-        law = each(self._channel, self.gains, transformed, state)
-        demand = each(
+        law = map_fields(self._channel, self.gains, transformed, state)
+        demand = map_fields(
             lambda acceleration, t, c: (
                 acceleration - (t.offset + c.sliding + c.reaching) * t.gain_inverse
             ),
@@ -142,8 +142,14 @@ class FxTPPC(AbstractController):
             law,
         )
         wanted = allocate(self.model, measurement, demand, self.damping)
-        following = each(lambda integral, c: integral + dt * c.sliding, state, law)
-        return wanted, following, ControlRecord(error, each(lambda c: c.surface, law))
+        following = map_fields(
+            lambda integral, c: integral + dt * c.sliding, state, law
+        )
+        return (
+            wanted,
+            following,
+            ControlRecord(error, map_fields(lambda c: c.surface, law)),
+        )
 
     def _channel(
         self, gains: ChannelGains, transformed: TransformedError, integral: Scalar

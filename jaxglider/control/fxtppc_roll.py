@@ -37,7 +37,7 @@ from jaxglider.control.fxtppc import FxTPPC
 from jaxglider.control.performance import Bound
 from jaxglider.core.containers import Scalar, as_float, check_interval
 from jaxglider.core.numerics import saturate
-from jaxglider.signals import Channels, Command, Measurement, Reference, each
+from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
 from jaxglider.vehicle.design_model import DesignModel
 
 
@@ -122,10 +122,10 @@ class RollAwareFxTPPC(AbstractController):
     ) -> tuple[Command[Scalar], RollAwareState, ControlRecord]:
         """One tick of the law, from a hedged integral."""
         error, rate = tracking_error(measurement, reference)
-        gains = each(lambda t: t.gain, self.funnel.transform(error, rate, bounds))
-        kept_back = each(jnp.subtract, measurement.applied, state.asked)
+        gains = map_fields(lambda t: t.gain, self.funnel.transform(error, rate, bounds))
+        kept_back = map_fields(jnp.subtract, measurement.applied, state.asked)
         hedge = self.model.input_gain(measurement).response(kept_back)
-        integral = each(
+        integral = map_fields(
             lambda integral, slope, h: integral - dt * self.hedging * slope * h,
             state.integral,
             gains,

@@ -24,10 +24,17 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
 
-from jaxglider.core.compiler import apart
+from jaxglider.core.compiler import not_inlined
 from jaxglider.core.containers import Container, Scalar, as_float, check_interval
-from jaxglider.core.numerics import implicit_root, once
-from jaxglider.signals import BodyAxes, Command, GliderState, Measurement, each, zeros
+from jaxglider.core.numerics import barrier, implicit_root
+from jaxglider.signals import (
+    BodyAxes,
+    Command,
+    GliderState,
+    Measurement,
+    map_fields,
+    zeros,
+)
 from jaxglider.vehicle.design_model import DesignModel
 
 
@@ -153,7 +160,7 @@ class FixedTimeObserver(AbstractObserver):
         def mismatch(m: Scalar, v: Scalar, w: Scalar, f: Scalar, d: Scalar) -> Scalar:
             return m * (v - w) - dt * (f + d)
 
-        target = each(
+        target = map_fields(
             mismatch,
             inertia,
             velocity,
@@ -161,7 +168,7 @@ class FixedTimeObserver(AbstractObserver):
             force,
             observer_state.disturbance,
         )
-        root = each(
+        root = map_fields(
             lambda b, i1, i2, s: observer_root(
                 b, (dt * i1, dt * dt * i2, s, self.smoothing), self.newton_steps
             ),
@@ -170,7 +177,7 @@ class FixedTimeObserver(AbstractObserver):
             self.integral,
             self.stretch,
         )
-        change = each(
+        change = map_fields(
             lambda y, i2, s: dt * i2 * _phi2(y, s, self.smoothing),
             root,
             self.integral,
@@ -200,7 +207,7 @@ def observer_root(
     single = jnp.finfo(jnp.result_type(target)).bits < 64
     taken = max(steps - 1, 1) if single else steps
 
-    @apart
+    @not_inlined
     def newton_root(target: Scalar, gains: tuple[Scalar, ...]) -> Scalar:
         return _newton_root(target, gains, taken)
 
@@ -239,7 +246,7 @@ def _newton_root(target: Scalar, gains: tuple[Scalar, ...], steps: int) -> Scala
         return value, u + q * ((2.0 * p2 + 3.0 * v) + 4.0 * w)
 
     for _ in range(steps):
-        r = once(r)
+        r = barrier(r)
         p, rise = polynomial(r)
         fourth, squared = (r * r) * (r * r), p * p
         pulled = pull * fourth

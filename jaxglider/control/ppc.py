@@ -18,7 +18,7 @@ from jaxglider.control.controller import (
 from jaxglider.control.funnel import Funnel
 from jaxglider.control.performance import Bound
 from jaxglider.core.containers import Scalar
-from jaxglider.signals import Channels, Command, Measurement, Reference, each
+from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
 from jaxglider.vehicle.design_model import DesignModel
 
 
@@ -70,8 +70,8 @@ class PPC(AbstractController):
         """One tick of the law."""
         error, rate = tracking_error(measurement, reference)
         transformed = self.funnel.transform(error, rate, bounds)
-        surface = each(lambda l0, t: t.rate + l0 * t.value, self.l0, transformed)
-        demand = each(
+        surface = map_fields(lambda l0, t: t.rate + l0 * t.value, self.l0, transformed)
+        demand = map_fields(
             lambda acceleration, t, q, margin, l2: (
                 acceleration
                 - t.offset * t.gain_inverse

@@ -19,7 +19,7 @@ from jaxglider.control.controller import (
 from jaxglider.control.funnel import Funnel
 from jaxglider.control.performance import Bound
 from jaxglider.core.containers import Scalar
-from jaxglider.signals import Channels, Command, Measurement, Reference, each
+from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
 from jaxglider.vehicle.design_model import DesignModel
 
 
@@ -65,8 +65,8 @@ class SMC(AbstractController):
     ) -> tuple[Command[Scalar], None, ControlRecord]:
         """One tick of the law."""
         error, rate = tracking_error(measurement, reference)
-        surface = each(lambda c0, e, e1: e1 + c0 * e, self.c0, error, rate)
-        demand = each(
+        surface = map_fields(lambda c0, e, e1: e1 + c0 * e, self.c0, error, rate)
+        demand = map_fields(
             lambda acceleration, c0, e1, c1, p, c2: (
                 acceleration - c0 * e1 - c1 * p - c2 * jnp.tanh(p)
             ),

@@ -140,7 +140,7 @@ def _works() -> bool:
     return works
 
 
-def apart(function: F) -> F:
+def not_inlined(function: F) -> F:
     """A function that XLA keeps apart: its results are computed once, then used.
 
     XLA for CPUs otherwise merges a function into its callers and copies its formulas

@@ -1,4 +1,4 @@
-"""Elementary functions that a compiler turns into lanes, and `once`.
+"""Elementary functions that a compiler turns into lanes, and `barrier`.
 
 XLA for CPUs calls the native ones once per lane. These are polynomials of basic
 operations, so that a batch of gliders fills the vector registers; each says how close
@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxglider.core.compiler import apart
+from jaxglider.core.compiler import not_inlined
 from jaxglider.core.containers import Scalar
 
 Tree = TypeVar("Tree")
@@ -56,7 +56,7 @@ _FLOATS = {
 
 
 @jax.custom_jvp
-@apart
+@not_inlined
 def sincos(angle: Scalar) -> tuple[Scalar, Scalar]:
     """Sine and cosine of one angle [rad]: the one place where a tick computes them.
 
@@ -91,7 +91,7 @@ def _sincos_jvp(
     return (sine, cosine), (cosine * dot, -sine * dot)
 
 
-def once(values: Tree) -> Tree:
+def barrier(values: Tree) -> Tree:
     """The same numbers, computed once however many formulas use them.
 
     XLA for CPUs copies a cheap formula into each of its users, and with theirs into
@@ -104,11 +104,11 @@ def once(values: Tree) -> Tree:
     return _handed_on(values)
 
 
-_handed_on = apart(lax.optimization_barrier)
+_handed_on = not_inlined(lax.optimization_barrier)
 
 
 @jax.custom_jvp
-@apart
+@not_inlined
 def arctan(x: Scalar) -> Scalar:
     """Angle [rad] whose tangent is x, within 4 units in the last place.
 
@@ -134,7 +134,7 @@ def _arctan_jvp(
 
 
 @jax.custom_jvp
-@apart
+@not_inlined
 def log2(x: Scalar) -> Scalar:
     """Binary logarithm of a positive number, within 2 units in the last place.
 
@@ -160,7 +160,7 @@ def _log2_jvp(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, 
 
 
 @jax.custom_jvp
-@apart
+@not_inlined
 def exp2(x: Scalar) -> Scalar:
     """2^x within 2 units in the last place, for results that are normal numbers.
 

@@ -13,13 +13,13 @@ import jax.numpy as jnp
 
 from jaxglider.core.containers import Counter, Scalar
 from jaxglider.core.elementary import arctan as arctan
+from jaxglider.core.elementary import barrier as barrier
 from jaxglider.core.elementary import exp2, log2
-from jaxglider.core.elementary import once as once
 from jaxglider.core.elementary import sincos as sincos
 
 
 @jax.custom_jvp
-def faded(x: Scalar, share: Scalar) -> Scalar:
+def scale_gradient(x: Scalar, share: Scalar) -> Scalar:
     """The same number, of whose derivative only a share goes on.
 
     Once a tick on what a closed loop remembers, it makes the gradient of a long run
@@ -28,7 +28,7 @@ def faded(x: Scalar, share: Scalar) -> Scalar:
     return x
 
 
-@faded.defjvp
+@scale_gradient.defjvp
 def _faded_jvp(
     primals: tuple[Scalar, Scalar], tangents: tuple[Scalar, Scalar]
 ) -> tuple[Scalar, Scalar]:

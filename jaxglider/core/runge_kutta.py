@@ -14,7 +14,7 @@ import numpy as np
 from jax import lax
 
 from jaxglider.core.containers import Scalar
-from jaxglider.core.numerics import once
+from jaxglider.core.numerics import barrier
 
 State = TypeVar("State")
 
@@ -70,7 +70,7 @@ def runge_kutta_step(
     def stage(carry: tuple[State, State], row: tuple[Scalar, ...]) -> tuple:
         at, total = carry
         node, link, weight = row
-        slope = once(derivative(at, node))
+        slope = barrier(derivative(at, node))
         total = jax.tree.map(lambda s, k: s + weight * k, total, slope)
         at = jax.tree.map(lambda s, k: s + link * k, state, slope)
         return (at, total), None

@@ -71,7 +71,7 @@ def refuse_unknown(rest: Any, allowed: list[str], path: str) -> None:
         raise ConfigError(f"unknown key {path}.{key}; {hint}".replace(" .", " "))
 
 
-class Table:
+class TomlTable:
     """A TOML table that knows its path and which of its keys have been read."""
 
     def __init__(self, data: Any, path: str) -> None:
@@ -120,18 +120,18 @@ class Table:
             )
         return [number(v, f"{self.where(key)}[{i}]") for i, v in enumerate(value)]
 
-    def table(self, key: str) -> "Table":
+    def table(self, key: str) -> "TomlTable":
         """A table, empty if it is not there."""
-        return Table(self.get(key, {}), self.where(key))
+        return TomlTable(self.get(key, {}), self.where(key))
 
-    def tables(self, key: str) -> list["Table"]:
+    def tables(self, key: str) -> list["TomlTable"]:
         """An array of tables, empty if it is not there."""
         value = self.get(key, [])
         if not isinstance(value, list):
             raise ConfigError(
                 f"{self.where(key)} must be an array of tables, [[{self.where(key)}]]."
             )
-        return [Table(v, f"{self.where(key)}[{i}]") for i, v in enumerate(value)]
+        return [TomlTable(v, f"{self.where(key)}[{i}]") for i, v in enumerate(value)]
 
     def rest(self) -> dict[str, Any]:
         """What has not been read yet, now taken as read."""

@@ -21,7 +21,7 @@ from jaxglider.core.containers import (
     check_interval,
 )
 from jaxglider.core.numerics import sincos
-from jaxglider.signals import BodyAxes, each
+from jaxglider.signals import BodyAxes, map_fields
 
 
 class AbstractDisturbance(Container):
@@ -59,7 +59,7 @@ class Constant(AbstractDisturbance):
 
     def realise(self, key: jax.Array, times: Series) -> BodyAxes[Series]:
         """The constant at each time."""
-        return each(lambda f: jnp.broadcast_to(f, times.shape), self.force)
+        return map_fields(lambda f: jnp.broadcast_to(f, times.shape), self.force)
 
 
 class Sinusoid(AbstractDisturbance):
@@ -86,7 +86,7 @@ class Sinusoid(AbstractDisturbance):
             ahead, in_phase = sincos(p)
             return (a * in_phase) * sine + (a * ahead) * cosine
 
-        return each(wave, self.amplitude, self.frequency, self.phase)
+        return map_fields(wave, self.amplitude, self.frequency, self.phase)
 
 
 class GaussMarkov(AbstractDisturbance):
@@ -156,7 +156,7 @@ class Sum(AbstractDisturbance):
         return total
 
 
-class Varied(AbstractDisturbance):
+class ScaledDisturbance(AbstractDisturbance):
     """Another disturbance, stronger or weaker and turned about the body's z axis.
 
     (x, y) ← s (x cos χ − y sin χ, x sin χ + y cos χ) for surge and sway as for roll

@@ -17,7 +17,7 @@ from jaxglider.export.columns import columns_text
 from jaxglider.export.cost import Cost, cost_of
 from jaxglider.export.plant import plant_source
 from jaxglider.export.readme import readme_text
-from jaxglider.export.vectors import Seen, broken, fly, replay, sea, window
+from jaxglider.export.vectors import TickLog, broken, fly, replay, sea, window
 from jaxglider.files.writing import write_text
 from jaxglider.onboard.autopilot import Autopilot, autopilot
 from jaxglider.onboard.guard import Guard
@@ -178,7 +178,7 @@ def _as_arrays(tree: Any) -> Any:
     return jax.tree.map(jnp.asarray, tree)
 
 
-def _inputs_first(seen: Seen) -> Any:
+def _inputs_first(seen: TickLog) -> Any:
     return seen.time, seen.measured, seen.planned, seen.command, seen.status
 
 

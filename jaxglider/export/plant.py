@@ -24,7 +24,7 @@ from jaxglider.vehicle.actuators import Actuator, follow_all
 from jaxglider.vehicle.plant import AbstractPlant
 
 
-class Truth(eqx.Module):
+class ExportedPlant(eqx.Module):
     """What a glider really is, and the water that it is in.
 
     Attributes:
@@ -37,7 +37,7 @@ class Truth(eqx.Module):
     water: Water | None
 
 
-class Afloat(eqx.Module):
+class PlantState(eqx.Module):
     """The simulated glider between two ticks.
 
     Attributes:
@@ -59,7 +59,7 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
     """
     check_precision(loop.scenario.plant)
     scenario = loop.scenario
-    example = Afloat(
+    example = PlantState(
         scenario.initial_state,
         zeros(Command, scenario.clock.dt),
         jnp.zeros_like(scenario.clock.dt),
@@ -80,10 +80,12 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
         ),
     }
 
-    def init(p: Any) -> Afloat:
+    def init(p: Any) -> PlantState:
         return example
 
-    def step(p: Truth, now: Afloat, wanted: Command[Scalar], f: Any) -> Afloat:
+    def step(
+        p: ExportedPlant, now: PlantState, wanted: Command[Scalar], f: Any
+    ) -> PlantState:
         return drift(loop, p, now, wanted, f)
 
     shared = Functions()
@@ -120,19 +122,21 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
     )
 
 
-def truth_of(loop: ClosedLoop) -> Truth:
+def truth_of(loop: ClosedLoop) -> ExportedPlant:
     """What the glider of a closed loop really is."""
     scenario = loop.scenario
-    return Truth(scenario.plant, scenario.actuators, scenario.clock.dt, scenario.water)
+    return ExportedPlant(
+        scenario.plant, scenario.actuators, scenario.clock.dt, scenario.water
+    )
 
 
 def drift(
     loop: ClosedLoop,
-    truth: Truth,
-    now: Afloat,
+    truth: ExportedPlant,
+    now: PlantState,
     wanted: Command[Scalar],
     force: BodyAxes[Scalar],
-) -> Afloat:
+) -> PlantState:
     """The glider one tick later, under a constant force.
 
     Args:
@@ -149,6 +153,6 @@ def drift(
     applied = follow_all(truth.actuators, now.held, wanted, truth.dt, now.time)
     plan = TickPlan(now.time, force, None, None, None, None)
     given = with_start(plan, force, None)
-    return Afloat(
+    return PlantState(
         integrate(scenario, now.state, applied, given), applied, now.time + truth.dt
     )

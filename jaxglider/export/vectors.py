@@ -15,13 +15,13 @@ import numpy as np
 from jax import lax
 
 from jaxglider.core.containers import Scalar, Series
-from jaxglider.export.plant import Afloat, drift, truth_of
+from jaxglider.export.plant import PlantState, drift, truth_of
 from jaxglider.onboard.autopilot import Autopilot, AutopilotState
-from jaxglider.signals import BodyAxes, Command, GliderState, each, zeros
+from jaxglider.signals import BodyAxes, Command, GliderState, map_fields, zeros
 from jaxglider.simulation.closed_loop import ClosedLoop
 
 
-class Seen(eqx.Module):
+class TickLog(eqx.Module):
     """One tick of an autopilot; a run is this with a leading time axis.
 
     Attributes:
@@ -44,7 +44,7 @@ class Seen(eqx.Module):
 
 def _tick(
     pilot: Autopilot, state: AutopilotState, time: Scalar, measured: GliderState
-) -> tuple[AutopilotState, Seen]:
+) -> tuple[AutopilotState, TickLog]:
     planned = pilot.plan(state, time)
     after, command, status = pilot.step(state, time, measured, planned)
     whole = [
@@ -53,11 +53,11 @@ def _tick(
         if jnp.issubdtype(x.dtype, jnp.integer)
     ]
     segment = jnp.asarray(sum(whole, 0), jnp.int32)
-    return after, Seen(time, measured, planned, command, status, segment)
+    return after, TickLog(time, measured, planned, command, status, segment)
 
 
 @jax.jit
-def replay(pilot: Autopilot, times: Series, measured: GliderState) -> Seen:
+def replay(pilot: Autopilot, times: Series, measured: GliderState) -> TickLog:
     """What an autopilot makes of measurements that are given.
 
     Args:
@@ -66,7 +66,7 @@ def replay(pilot: Autopilot, times: Series, measured: GliderState) -> Seen:
         measured: measurement at each of them.
     """
 
-    def tick(state: AutopilotState, given: Any) -> tuple[AutopilotState, Seen]:
+    def tick(state: AutopilotState, given: Any) -> tuple[AutopilotState, TickLog]:
         return _tick(pilot, state, *given)
 
     return lax.scan(tick, pilot.init(), (times, measured))[1]
@@ -75,7 +75,7 @@ def replay(pilot: Autopilot, times: Series, measured: GliderState) -> Seen:
 @jax.jit
 def fly(
     pilot: Autopilot, loop: ClosedLoop, forces: BodyAxes[Series]
-) -> tuple[Seen, GliderState]:
+) -> tuple[TickLog, GliderState]:
     """The autopilot steering the glider of a closed loop.
 
     Args:
@@ -89,7 +89,9 @@ def fly(
     scenario = loop.scenario
     truth = truth_of(loop)
     clock = scenario.clock.dt
-    start = Afloat(scenario.initial_state, zeros(Command, clock), jnp.zeros_like(clock))
+    start = PlantState(
+        scenario.initial_state, zeros(Command, clock), jnp.zeros_like(clock)
+    )
     times = jnp.arange(forces.surge.shape[0], dtype=clock.dtype) * clock
 
     def tick(carry: Any, given: Any) -> tuple[Any, Any]:
@@ -111,10 +113,10 @@ def sea(loop: ClosedLoop, ticks: int, hold: int = 1) -> BodyAxes[Series]:
     """
     clock = dataclasses.replace(loop.scenario.clock, ticks=ticks)
     path = dataclasses.replace(loop.scenario, clock=clock).sea(jax.random.key(0))
-    return each(lambda f: jnp.repeat(f[:-1:hold], hold)[:ticks], path)
+    return map_fields(lambda f: jnp.repeat(f[:-1:hold], hold)[:ticks], path)
 
 
-def window(seen: Seen, ticks: int) -> slice:
+def window(seen: TickLog, ticks: int) -> slice:
     """Ticks around the first restart of the funnel, or the first ones.
 
     Args:
@@ -152,7 +154,7 @@ def broken(
     kinds = draw.integers(0, 12, count)
     for n in np.flatnonzero(faulty):
         clock[n] = _spoiled_clock(clock, int(n), int(kinds[n]), float(step), draw)
-    # Not `each`: a state refuses NaN where it is built.
+    # Not `map_fields`: a state refuses NaN where it is built.
     return clock, jax.tree.map(spoil, measured)
 
 

@@ -14,7 +14,7 @@ from jaxglider.control import AbstractController
 from jaxglider.control.observer import AbstractObserver
 from jaxglider.core.toml import (
     ConfigError,
-    Table,
+    TomlTable,
     choice,
     read_toml,
 )
@@ -24,7 +24,7 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Scenario
 
 
-class Law(NamedTuple):
+class LoadedGains(NamedTuple):
     """What a gains file holds.
 
     Attributes:
@@ -65,7 +65,7 @@ def encode_law(loop: ClosedLoop) -> dict[str, Any]:
     return tables
 
 
-def load_gains(path: str | Path, scenario: str, model: Any) -> Law:
+def load_gains(path: str | Path, scenario: str, model: Any) -> LoadedGains:
     """Read a gains file.
 
     Args:
@@ -83,7 +83,7 @@ def load_gains(path: str | Path, scenario: str, model: Any) -> Law:
         raise ConfigError(f"{path}: {error}") from error
 
 
-def decode_gains(data: dict[str, Any], scenario: str, model: Any) -> Law:
+def decode_gains(data: dict[str, Any], scenario: str, model: Any) -> LoadedGains:
     """Gains from parsed TOML.
 
     Args:
@@ -94,9 +94,9 @@ def decode_gains(data: dict[str, Any], scenario: str, model: Any) -> Law:
     Raises:
         ConfigError: names the key, the rule and the value.
     """
-    top = Table(data, "")
+    top = TomlTable(data, "")
     table = top.get("controller")
-    kind = Table(table, "controller").text("type")
+    kind = TomlTable(table, "controller").text("type")
     choice(kind, FAMILIES[AbstractController], "controller.type")
     controller = decode(
         paper.make_controller(kind, scenario, model), table, "controller"
@@ -108,7 +108,7 @@ def decode_gains(data: dict[str, Any], scenario: str, model: Any) -> Law:
     top.get("provenance", None)
     choice(str(top.get("format", 1)), {"1": 1}, "format")
     top.close()
-    return Law(kind, controller, observer, guidance)
+    return LoadedGains(kind, controller, observer, guidance)
 
 
 def decode_observer(table: Any, controller: str, model: Any, given: Any = None) -> Any:

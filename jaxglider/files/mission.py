@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from jaxglider import paper
-from jaxglider.core.toml import ConfigError, Table, choice, read_toml
+from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode
-from jaxglider.files.gains import Law, decode_gains, decode_observer, load_gains
+from jaxglider.files.gains import LoadedGains, decode_gains, decode_observer, load_gains
 from jaxglider.files.mission_tables import (
     read_actuators,
     read_clock,
@@ -75,7 +75,7 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     Raises:
         ConfigError: names the key, the rule and the value.
     """
-    top = Table(data, "")
+    top = TomlTable(data, "")
     name, seed = top.text("name", "mission"), top.whole("seed", 0)
     if not 0 <= seed < SEEDS:
         raise ConfigError(f"seed must be in [0, {SEEDS}); received {seed}.")
@@ -141,7 +141,7 @@ def _funnel(table: Any, case: str) -> Any:
     return None if table is None else decode(paper.funnel(case), table, "funnel")
 
 
-def _law(table: Table, model: Any, case: str, folder: Path) -> Law:
+def _law(table: TomlTable, model: Any, case: str, folder: Path) -> LoadedGains:
     """Gains of the table over those of its gains file, or over the paper's."""
     source = table.get("gains_file", None)
     if source is None:
@@ -158,8 +158,8 @@ def _law(table: Table, model: Any, case: str, folder: Path) -> Law:
 
 
 def _filed_law(
-    table: Table, source: Any, model: Any, case: str, folder: Path
-) -> tuple[Law, str]:
+    table: TomlTable, source: Any, model: Any, case: str, folder: Path
+) -> tuple[LoadedGains, str]:
     """Gains from a file, or from its tables in its place; and what to call it."""
     if not isinstance(source, dict):
         file = folder / table.text("gains_file")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from jaxglider import paper
-from jaxglider.core.toml import ConfigError, Table, choice, number, refuse_unknown
+from jaxglider.core.toml import ConfigError, TomlTable, choice, number, refuse_unknown
 from jaxglider.environment.disturbances import (
     AbstractDisturbance,
     Calm,
@@ -54,7 +54,7 @@ def _built(make: Any, path: str, *args: Any, **kwargs: Any) -> Any:
         raise ConfigError(f"{path}: {error}") from error
 
 
-def read_vehicle(table: Table, folder: Path) -> VehicleData:
+def read_vehicle(table: TomlTable, folder: Path) -> VehicleData:
     """Parameters and actuator limits, with overrides applied."""
     vehicle = _built(_published, "vehicle.data", table, folder)
     overrides = table.table("parameters").rest()
@@ -69,7 +69,7 @@ def read_vehicle(table: Table, folder: Path) -> VehicleData:
     return dataclasses.replace(vehicle, parameters=parameters)
 
 
-def _published(table: Table, folder: Path) -> VehicleData:
+def _published(table: TomlTable, folder: Path) -> VehicleData:
     """A vehicle of the package, of a file, or of a table in the place of its name."""
     source = table.get("data", "seawing")
     if isinstance(source, dict):
@@ -78,7 +78,7 @@ def _published(table: Table, folder: Path) -> VehicleData:
     return load_vehicle(folder / name if name.endswith(".toml") else name)
 
 
-def read_clock(table: Table) -> Clock:
+def read_clock(table: TomlTable) -> Clock:
     """Tick and horizon."""
     duration, dt = table.number("duration_s", 800.0), table.number("dt_s", 0.05)
     substeps = table.whole("substeps", 1)
@@ -86,7 +86,7 @@ def read_clock(table: Table) -> Clock:
     return _built(Clock.lasting, "clock", duration, dt, substeps)
 
 
-def read_actuators(table: Table, limits: Command[Any]) -> Command[Actuator]:
+def read_actuators(table: TomlTable, limits: Command[Any]) -> Command[Actuator]:
     """The three actuators; the limits of the vehicle by default."""
     made = {}
     for name, unit in _UNITS.items():
@@ -105,7 +105,7 @@ def read_actuators(table: Table, limits: Command[Any]) -> Command[Actuator]:
     return Command(**made)
 
 
-def read_initial_state(table: Table) -> GliderState:
+def read_initial_state(table: TomlTable) -> GliderState:
     """Where the glider starts; angles in degrees in the file."""
     values = {
         name: scale * table.number(f"{name}_{unit}", 0.0)
@@ -120,7 +120,7 @@ def read_initial_state(table: Table) -> GliderState:
     return GliderState(**values)
 
 
-def read_disturbance(tables: list[Table]) -> AbstractDisturbance:
+def read_disturbance(tables: list[TomlTable]) -> AbstractDisturbance:
     """The sum of the disturbances listed."""
     kinds = {
         "calm": lambda t: Calm(),
@@ -137,12 +137,12 @@ def read_disturbance(tables: list[Table]) -> AbstractDisturbance:
     return Sum(tuple(terms))
 
 
-def _axes(table: Table, force: str, moment: str) -> BodyAxes[Any]:
+def _axes(table: TomlTable, force: str, moment: str) -> BodyAxes[Any]:
     zero = [0.0] * 3
     return BodyAxes(*table.numbers(force, zero, 3), *table.numbers(moment, zero, 3))
 
 
-def _sinusoid(table: Table) -> Sinusoid:
+def _sinusoid(table: TomlTable) -> Sinusoid:
     periods = table.numbers("period_s", length=6)
     if min(periods) <= 0.0:
         raise ConfigError(
@@ -156,14 +156,14 @@ def _sinusoid(table: Table) -> Sinusoid:
     )
 
 
-def _coloured_noise(table: Table) -> GaussMarkov:
+def _coloured_noise(table: TomlTable) -> GaussMarkov:
     return GaussMarkov(
         _axes(table, "standard_deviation_N", "standard_deviation_N_m"),
         BodyAxes(*table.numbers("correlation_time_s", length=6)),
     )
 
 
-def read_water(table: Table, vehicle: VehicleData) -> Water | None:
+def read_water(table: TomlTable, vehicle: VehicleData) -> Water | None:
     """Currents and density; nothing if neither is asked for."""
     current = stratification = None
     if table.get("current", None) is not None:
@@ -204,7 +204,7 @@ STRATIFICATION_KEYS = (
 )
 
 
-def read_reference(table: Table, guidance: LineOfSight) -> AbstractReference:
+def read_reference(table: TomlTable, guidance: LineOfSight) -> AbstractReference:
     """The task: a schedule or a waypoint path.
 
     Args:
@@ -245,7 +245,7 @@ def read_reference(table: Table, guidance: LineOfSight) -> AbstractReference:
     return made
 
 
-def _schedule(table: Table, kind: str) -> Schedule:
+def _schedule(table: TomlTable, kind: str) -> Schedule:
     default = (
         paper.attitude_schedule() if kind == "schedule" else paper.vertical_schedule()
     )

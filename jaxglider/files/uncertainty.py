@@ -12,10 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from jaxglider.core.toml import ConfigError, Table, number, read_toml
-from jaxglider.environment.disturbances import Sum, Varied
+from jaxglider.core.toml import ConfigError, TomlTable, number, read_toml
+from jaxglider.environment.disturbances import ScaledDisturbance, Sum
 from jaxglider.files.mission_tables import STATE_UNITS, read_disturbance
-from jaxglider.files.uncertainty_tables import read_failures, read_lags, read_law
+from jaxglider.files.uncertainty_tables import (
+    read_distribution,
+    read_failures,
+    read_lags,
+)
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.uncertainty.members import Group, Quantity, Uncertainty
 from jaxglider.uncertainty.quantities import relative, waves
@@ -62,7 +66,7 @@ def build_uncertainty(data: dict[str, Any], scenario: Scenario) -> Uncertainty:
     Raises:
         ConfigError: names the key, the rule and the value.
     """
-    top = Table(data, "")
+    top = TomlTable(data, "")
     try:
         found, groups = _vehicle(top.tables("vehicle"), scenario)
         for key, read in (
@@ -88,7 +92,7 @@ def build_uncertainty(data: dict[str, Any], scenario: Scenario) -> Uncertainty:
 
 
 def _vehicle(
-    tables: list[Table], scenario: Scenario
+    tables: list[TomlTable], scenario: Scenario
 ) -> tuple[list[Quantity], tuple[Group, ...]]:
     """Factors on parameters of the glider."""
     quantities: list[Quantity] = []
@@ -99,7 +103,7 @@ def _vehicle(
         names = tuple(n for g in listed for n in PARAMETERS.get(str(g), (str(g),)))
         correlation = table.get("correlation", None)
         where = table.where("")[:-1]
-        law = read_law(table.rest(), where, 1.0)
+        law = read_distribution(table.rest(), where, 1.0)
         quantities += [relative(scenario, name, law) for name in names]
         if correlation is not None:
             matrix = _correlation(correlation, len(names), f"{where}.correlation")
@@ -120,12 +124,12 @@ def _correlation(given: Any, size: int, where: str) -> tuple[tuple[float, ...], 
     return tuple(tuple(row) for row in matrix.tolist())
 
 
-def _disturbance(table: Table, scenario: Scenario) -> Found:
+def _disturbance(table: TomlTable, scenario: Scenario) -> Found:
     """The waves' amplitudes and phases, then noise, strength and direction on top."""
     degrees = math.pi / 180.0
     noise = table.get("coloured_noise", None)
     if noise is not None:
-        entry = Table(
+        entry = TomlTable(
             {"type": "coloured-noise", **table.table("coloured_noise").rest()},
             table.where("coloured_noise"),
         )
@@ -133,10 +137,10 @@ def _disturbance(table: Table, scenario: Scenario) -> Found:
         scenario = dataclasses.replace(scenario, disturbance=total)
     varied = {"strength": 1.0, "direction_deg": 0.0}
     if any(table.get(key, None) is not None for key in varied):
-        whole = Varied(scenario.disturbance)
+        whole = ScaledDisturbance(scenario.disturbance)
         scenario = dataclasses.replace(scenario, disturbance=whole)
     laws = {
-        key: read_law(table.get(key), table.where(key), centre, unit)
+        key: read_distribution(table.get(key), table.where(key), centre, unit)
         for key, centre, unit in (
             ("amplitude", 1.0, 1.0),
             ("phase_deg", 0.0, degrees),
@@ -160,7 +164,7 @@ def _disturbance(table: Table, scenario: Scenario) -> Found:
     return scenario, found
 
 
-def _initial_state(table: Table, scenario: Scenario) -> Found:
+def _initial_state(table: TomlTable, scenario: Scenario) -> Found:
     """Offsets of the start."""
     found = []
     for name, (unit, scale) in STATE_UNITS.items():
@@ -169,7 +173,7 @@ def _initial_state(table: Table, scenario: Scenario) -> Found:
         if given is None:
             continue
         nominal = float(getattr(scenario.initial_state, name))
-        law = read_law(given, table.where(key), 0.0, scale)
+        law = read_distribution(given, table.where(key), 0.0, scale)
         reach = max(abs(nominal + end) for end in law.support())
         if name == "pitch" and reach >= math.pi / 2:
             raise ConfigError(f"{table.where(key)}: the pitch must stay within 90 deg.")
@@ -183,7 +187,7 @@ SI = {"m": "m", "deg": "rad", "m_s": "m s-1", "deg_s": "rad s-1"}
 """Units of values whose keys end so."""
 
 
-def _sensors(table: Table, scenario: Scenario) -> Found:
+def _sensors(table: TomlTable, scenario: Scenario) -> Found:
     """Noise, and bias known or uncertain."""
     sensors, found = {}, []
     for name, (unit, scale) in STATE_UNITS.items():
@@ -192,7 +196,7 @@ def _sensors(table: Table, scenario: Scenario) -> Found:
         own = table.table(name)
         noise = scale * own.number(f"noise_{unit}", 0.0)
         bias = own.get(f"bias_{unit}", 0.0)
-        law = read_law(bias, own.where(f"bias_{unit}"), 0.0, scale)
+        law = read_distribution(bias, own.where(f"bias_{unit}"), 0.0, scale)
         own.close()
         try:
             sensors[name] = Sensor(law.middle(), noise)

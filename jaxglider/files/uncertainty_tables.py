@@ -9,13 +9,13 @@ on 1, where it is of an offset on 0; elsewhere it must say where it lies.
 import dataclasses
 from typing import Any
 
-from jaxglider.core.toml import ConfigError, Table, choice, number
+from jaxglider.core.toml import ConfigError, TomlTable, choice, number
 from jaxglider.signals import Command
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.uncertainty.distributions import (
     AbstractDistribution,
     LogNormal,
-    Sometimes,
+    Mixture,
     TruncatedNormal,
     Uniform,
 )
@@ -23,7 +23,7 @@ from jaxglider.uncertainty.members import Quantity
 from jaxglider.vehicle.actuators import NEVER, Failure
 
 
-def read_law(
+def read_distribution(
     given: Any, where: str, centre: float | None = None, unit: float = 1.0
 ) -> AbstractDistribution:
     """A distribution from its table; a plain number is the one value it can take.
@@ -40,7 +40,7 @@ def read_law(
     if not isinstance(given, dict):
         value = unit * number(given, where)
         return Uniform(value, value)
-    table = Table(given, where)
+    table = TomlTable(given, where)
     make = choice(table.get("law"), _LAWS, table.where("law"))
     try:
         made: AbstractDistribution = make(table, centre, unit)
@@ -52,7 +52,7 @@ def read_law(
     return made
 
 
-def _uniform(table: Table, centre: float | None, unit: float) -> Uniform:
+def _uniform(table: TomlTable, centre: float | None, unit: float) -> Uniform:
     if table.get("half_width", None) is None:
         return Uniform(unit * table.number("low"), unit * table.number("high"))
     mean, width = _middle(table, "mean", centre), table.number("half_width")
@@ -63,20 +63,20 @@ def _uniform(table: Table, centre: float | None, unit: float) -> Uniform:
     return Uniform(unit * (mean - width), unit * (mean + width))
 
 
-def _normal(table: Table, centre: float | None, unit: float) -> TruncatedNormal:
+def _normal(table: TomlTable, centre: float | None, unit: float) -> TruncatedNormal:
     mean = _middle(table, "mean", centre)
     deviation = table.number("standard_deviation")
     cut = table.number("truncation", 3.0)
     return TruncatedNormal(unit * mean, unit * deviation, cut)
 
 
-def _log_normal(table: Table, centre: float | None, unit: float) -> LogNormal:
+def _log_normal(table: TomlTable, centre: float | None, unit: float) -> LogNormal:
     median = _middle(table, "median", centre)
     deviation = table.number("standard_deviation")
     return LogNormal(unit * median, deviation, table.number("truncation", 3.0))
 
 
-def _middle(table: Table, key: str, centre: float | None) -> float:
+def _middle(table: TomlTable, key: str, centre: float | None) -> float:
     if centre is None:
         return table.number(key)
     return table.number(key, centre)
@@ -91,7 +91,7 @@ ACTUATORS = tuple(field.name for field in dataclasses.fields(Command))
 Found = tuple[Scenario, list[Quantity]]
 
 
-def read_lags(table: Table, scenario: Scenario) -> Found:
+def read_lags(table: TomlTable, scenario: Scenario) -> Found:
     """Time constants of the actuators."""
     found = []
     for name in ACTUATORS:
@@ -101,7 +101,7 @@ def read_lags(table: Table, scenario: Scenario) -> Found:
         if given is None:
             continue
         where = own.where("time_constant_s")
-        law = read_law(given, where)
+        law = read_distribution(given, where)
         if law.support()[0] <= 0.0:
             raise ConfigError(f"{where} must stay positive.")
         scenario = _changed(scenario, name, time_constant=law.middle())
@@ -110,7 +110,7 @@ def read_lags(table: Table, scenario: Scenario) -> Found:
     return scenario, found
 
 
-def read_failures(tables: list[Table], scenario: Scenario) -> Found:
+def read_failures(tables: list[TomlTable], scenario: Scenario) -> Found:
     """Actuators that get stuck or weak, some or all members, at some time."""
     found: list[Quantity] = []
     for table in tables:
@@ -118,12 +118,12 @@ def read_failures(tables: list[Table], scenario: Scenario) -> Found:
         choice(name, dict.fromkeys(ACTUATORS), table.where("actuator"))
         kinds = {"stuck": "stuck_from", "weak": "weak_from"}
         kind = choice(table.get("kind"), kinds, table.where("kind"))
-        time = read_law(table.get("time_s"), table.where("time_s"))
+        time = read_distribution(table.get("time_s"), table.where("time_s"))
         if time.support()[0] < 0.0:
             raise ConfigError(f"{table.where('time_s')} must not be negative.")
         share = table.number("probability", 1.0)
         try:
-            when = Sometimes(share, time, NEVER)
+            when = Mixture(share, time, NEVER)
         except ValueError as error:
             where = table.where("probability")
             raise ConfigError(f"{where}: {error}") from error
@@ -132,7 +132,7 @@ def read_failures(tables: list[Table], scenario: Scenario) -> Found:
         found.append(_failure(name, kind, "s", when))
         if kind == "weak_from":
             where = table.where("effectiveness")
-            law = read_law(table.get("effectiveness"), where)
+            law = read_distribution(table.get("effectiveness"), where)
             low, high = law.support()
             if low < 0.0 or high > 1.0:
                 raise ConfigError(f"{where} must stay in [0, 1].")

@@ -51,7 +51,7 @@ class AbstractReference(Container):
         """
 
 
-def angle_of_attack(state: GliderState) -> Scalar:
+def clipped_angle_of_attack(state: GliderState) -> Scalar:
     """α = w/u [rad], with u kept above 0.02 m/s and α within ±0.3.
 
     θ_d = ξ_d + α; its rate is neglected.

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.core.containers import Container, Scalar, Series, as_float, concrete
-from jaxglider.guidance.reference import AbstractReference, angle_of_attack
+from jaxglider.guidance.reference import AbstractReference, clipped_angle_of_attack
 from jaxglider.signals import Channels, GliderState, Measurement, Reference
 
 
@@ -115,7 +115,7 @@ class AttitudeSchedule(AbstractReference):
     ) -> tuple[Reference, None]:
         """The planned segment, its gliding angle turned into a pitch."""
         zero = jnp.zeros_like(planned.depth)
-        pitch = planned.gliding_angle + angle_of_attack(measurement.state)
+        pitch = planned.gliding_angle + clipped_angle_of_attack(measurement.state)
         reference = Reference(
             position=Channels(planned.depth, pitch, planned.heading),
             rate=Channels(planned.depth_rate, zero, zero),

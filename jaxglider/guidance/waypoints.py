@@ -26,7 +26,7 @@ from jaxglider.core.containers import (
 from jaxglider.core.numerics import select
 from jaxglider.core.rotations import body_to_ned
 from jaxglider.guidance.line_of_sight import LineOfSight
-from jaxglider.guidance.reference import AbstractReference, angle_of_attack
+from jaxglider.guidance.reference import AbstractReference, clipped_angle_of_attack
 from jaxglider.guidance.schedule import Schedule, Segment
 from jaxglider.signals import Channels, GliderState, Measurement, Reference
 
@@ -178,7 +178,7 @@ class WaypointPath(AbstractReference):
             path.integral,
         )
         zero = jnp.zeros_like(relative)
-        pitch = vertical.gliding_angle + angle_of_attack(s)
+        pitch = vertical.gliding_angle + clipped_angle_of_attack(s)
         reference = Reference(
             position=Channels(vertical.depth, pitch, leg.azimuth + relative),
             rate=Channels(vertical.depth_rate, zero, rate),

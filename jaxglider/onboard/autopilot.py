@@ -41,9 +41,9 @@ from jaxglider.onboard.guard import (
     TimeState,
     all_of,
     believed_plan,
-    choose,
     is_within,
     mission_time,
+    select,
     sound,
     within,
 )
@@ -52,7 +52,7 @@ from jaxglider.signals import (
     GliderState,
     Measurement,
     Reference,
-    each,
+    map_fields,
     zeros,
 )
 from jaxglider.simulation.closed_loop import ClosedLoop
@@ -147,8 +147,8 @@ class Autopilot(eqx.Module):
         """
         following, clock = self._mission_time(state, time)
         planned, replaced = believed_plan(planned, state.planned)
-        kept = each(within, measured, state.measured, self.guard.ranges())
-        complete = all_of(each(is_within, measured, self.guard.ranges()))
+        kept = map_fields(within, measured, state.measured, self.guard.ranges())
+        complete = all_of(map_fields(is_within, measured, self.guard.ranges()))
         silent = jnp.where(complete, 0, jnp.minimum(state.silent + 1, MANY))
         lost = ~(state.started | complete) | self._too_long(silent)
         afresh = complete & (~state.started | self._too_long(state.silent))
@@ -163,7 +163,7 @@ class Autopilot(eqx.Module):
         )
         usable = sound(wanted)
         hold = ~usable | aim.finished
-        target = choose(lost, self.guard.safe, choose(hold, state.held, wanted))
+        target = select(lost, self.guard.safe, select(hold, state.held, wanted))
         command, held = self._command(state.held, target)
         flags = {
             "measurement_held": ~complete,
@@ -172,7 +172,7 @@ class Autopilot(eqx.Module):
             "reference_held": replaced,
             "command_held": ~usable & ~lost,
             "state_reset": afresh | observer_reset | controller_reset,
-            "saturated": ~all_of(each(is_within, target, self._limits())),
+            "saturated": ~all_of(map_fields(is_within, target, self._limits())),
             "finished": aim.finished,
         }
         after = AutopilotState(
@@ -210,16 +210,16 @@ class Autopilot(eqx.Module):
         )
         stepped = self.observer.step(state.observer, before, state.held, kept, self.dt)
         broken = complete & ~sound(stepped)
-        following = choose(complete, stepped, state.observer)
-        return choose(afresh | broken, self.observer.init(kept), following), broken
+        following = select(complete, stepped, state.observer)
+        return select(afresh | broken, self.observer.init(kept), following), broken
 
     def _guide(
         self, state: AutopilotState, planned: Any, known: Measurement
     ) -> tuple[Reference, Any]:
         """What to do in this tick, and the reference's next state."""
-        begun = choose(state.started, state.reference, self.reference.init(known.state))
+        begun = select(state.started, state.reference, self.reference.init(known.state))
         aim, following = self.reference.step(begun, planned, known, self.dt)
-        return aim, choose(sound(following), following, begun)
+        return aim, select(sound(following), following, begun)
 
     def _decide(
         self,
@@ -230,13 +230,13 @@ class Autopilot(eqx.Module):
     ) -> tuple[Command[Scalar], Any, Flag]:
         """The wanted command, the controller's next state, and whether it broke."""
         complete, afresh = when
-        begun = choose(afresh, self.controller.init(), state.controller)
+        begun = select(afresh, self.controller.init(), state.controller)
         bounds = self.controller.bounds(aim.clock)
         wanted, following, _ = self.controller.step(begun, known, aim, bounds, self.dt)
         broken = ~sound(following)
         going = complete & ~aim.finished
-        following = choose(broken, self.controller.init(), following)
-        return wanted, choose(going, following, begun), broken & going
+        following = select(broken, self.controller.init(), following)
+        return wanted, select(going, following, begun), broken & going
 
     def _command(
         self, held: Command[Scalar], target: Command[Scalar]
@@ -245,16 +245,18 @@ class Autopilot(eqx.Module):
 
         Rates are limited here too, but for a servo with a lag, which has its own.
         """
-        intact = each(lambda a: dataclasses.replace(a, failure=None), self.actuators)
+        intact = map_fields(
+            lambda a: dataclasses.replace(a, failure=None), self.actuators
+        )
         moved = follow_all(intact, held, target, self.dt)
-        sent = each(saturate, target, self._limits())
-        command = each(
+        sent = map_fields(saturate, target, self._limits())
+        command = map_fields(
             lambda s, m, a: m if a.time_constant is None else s, sent, moved, intact
         )
         return command, moved
 
     def _limits(self) -> Command[Scalar]:
-        return each(lambda a: a.limit, self.actuators)
+        return map_fields(lambda a: a.limit, self.actuators)
 
 
 def autopilot(loop: ClosedLoop, guard: Guard | None = None) -> Autopilot:

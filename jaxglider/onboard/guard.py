@@ -167,7 +167,7 @@ def sound(tree: Any) -> Flag:
     )
 
 
-def choose(flag: Flag, yes: Any, no: Any) -> Any:
+def select(flag: Flag, yes: Any, no: Any) -> Any:
     """One of two pytrees, leaf by leaf."""
     return jax.tree.map(lambda a, b: jnp.where(flag, a, b), yes, no)
 
@@ -175,7 +175,7 @@ def choose(flag: Flag, yes: Any, no: Any) -> Any:
 def believed_plan(given: Any, old: Any) -> tuple[Any, Flag]:
     """A plan, as a whole the last good one where a number is not sound."""
     usable = sound(given)
-    return choose(usable, given, old), ~usable
+    return select(usable, given, old), ~usable
 
 
 def status_names(word: int) -> list[str]:

@@ -56,7 +56,7 @@ class PipeError(OSError):
     """The program could not be run or did not answer as it should."""
 
 
-class Peer:
+class ChildProcess:
     """A running controller program.
 
     Attributes:
@@ -207,7 +207,7 @@ class PipeController(AbstractController):
     """
 
     funnel: Funnel | None
-    peer: Peer = eqx.field(static=True)
+    peer: ChildProcess = eqx.field(static=True)
 
     def init(self) -> Scalar:
         """Ticks so far."""
@@ -231,5 +231,5 @@ class PipeController(AbstractController):
         return wanted, state + 1.0, ControlRecord(error, zeros(Channels, s.depth))
 
 
-def _typed(peer: Peer, dtype: Any) -> Any:
+def _typed(peer: ChildProcess, dtype: Any) -> Any:
     return lambda *row: peer.command(*row).astype(dtype)

@@ -19,7 +19,7 @@ from jaxglider.guidance import (
     WaypointPath,
 )
 from jaxglider.paper.laws import SCENARIOS, make_controller, make_observer
-from jaxglider.signals import GliderState, each
+from jaxglider.signals import GliderState, map_fields
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Clock, Scenario
 from jaxglider.vehicle.actuators import Actuator
@@ -115,7 +115,7 @@ def make_scenario(
             DURATION[scenario] if duration is None else duration, dt, substeps
         ),
         PLANTS[plant](data),
-        each(Actuator, data.limits),
+        map_fields(Actuator, data.limits),
         disturbance(),
         reference(scenario),
         start,

@@ -26,7 +26,7 @@ from jaxglider.signals import (
     Command,
     GliderState,
     Measurement,
-    each,
+    map_fields,
     zeros,
 )
 from jaxglider.simulation.metrics import add_tick, empty_sums
@@ -178,7 +178,7 @@ class ClosedLoop(eqx.Module):
         force = model.force(truth.state, truth.attitude, applied)
         change = following.velocity() - truth.state.velocity()
         dt = self.scenario.clock.dt
-        return each(
+        return map_fields(
             lambda m, c, f: m * c / dt - f, model.parameters.inertia(), change, force
         )
 
@@ -197,7 +197,7 @@ def integrate(
     def substep(s: GliderState, number: Scalar) -> tuple[GliderState, None]:
         def derivative(at: GliderState, node: Scalar) -> GliderState:
             share = (number + node) / substeps
-            force = each(lambda f, k: f + share * k, given.force_start, slope)
+            force = map_fields(lambda f, k: f + share * k, given.force_start, slope)
             if scenario.water is None:
                 return scenario.plant.derivative(at, applied, force)
             return derivative_in_water(

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxglider.control.funnel import Limits
 from jaxglider.control.performance import Bound
 from jaxglider.core.containers import Flag, Scalar
-from jaxglider.signals import Channels, Command, GliderState, each
+from jaxglider.signals import Channels, Command, GliderState, map_fields
 
 
 class ChannelSums(eqx.Module):
@@ -155,7 +155,7 @@ def add_tick(
             s.excess + (w - u) ** 2 / (u * u + (w - u) ** 2 + 1e-12),
         )
 
-    channels = each(
+    channels = map_fields(
         add,
         sums.channels,
         error,
@@ -208,7 +208,7 @@ def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Me
     for leaf in leaves:
         finite = finite & jnp.isfinite(leaf)
     return Metrics(
-        each(close, sums.channels),
+        map_fields(close, sums.channels),
         n * dt,
         sums.max_roll,
         sums.max_pitch,

@@ -12,7 +12,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jaxglider.core.containers import Scalar, Series
-from jaxglider.core.numerics import faded
+from jaxglider.core.numerics import scale_gradient
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics, finish
@@ -165,7 +165,9 @@ def _forgetting(carry: Carry, share: Scalar) -> Carry:
     """All that acts on later ticks, faded; the sums of the metrics only add up."""
     return dataclasses.replace(
         jax.tree.map(
-            lambda x: faded(x, share) if jnp.issubdtype(x.dtype, jnp.floating) else x,
+            lambda x: (
+                scale_gradient(x, share) if jnp.issubdtype(x.dtype, jnp.floating) else x
+            ),
             carry,
         ),
         sums=carry.sums,

@@ -104,7 +104,7 @@ def _rank(a: np.ndarray, b: np.ndarray) -> int:
     return int(min(ranks))
 
 
-def zeros(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def transmission_zeros(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Eigenvalues [1/s] of the zero dynamics: what moves while all outputs are held.
 
     The finite s for which [[A − s, B], [C, 0]] is singular, with depth, pitch and

@@ -121,7 +121,7 @@ class LogNormal(AbstractDistribution):
 
 
 @dataclasses.dataclass(frozen=True)
-class Sometimes(AbstractDistribution):
+class Mixture(AbstractDistribution):
     """With probability p as another distribution says, else one fixed value.
 
     Attributes:

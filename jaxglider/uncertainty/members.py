@@ -25,7 +25,7 @@ from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.uncertainty.distributions import AbstractDistribution, correlated
-from jaxglider.uncertainty.sampling import AbstractDesign
+from jaxglider.uncertainty.sampling import AbstractSampler
 
 
 class Member(eqx.Module):
@@ -155,7 +155,9 @@ class Uncertainty:
         }
         return Member(columns, jr.key_data(keys))
 
-    def sample(self, design: AbstractDesign, keys: jax.Array, first: int = 0) -> Member:
+    def sample(
+        self, design: AbstractSampler, keys: jax.Array, first: int = 0
+    ) -> Member:
         """Members `first`, `first + 1` and so on of a design, one for each key."""
         return self.members(self.values(design.rows(first, keys.shape[0])), keys)
 

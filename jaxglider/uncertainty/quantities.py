@@ -9,9 +9,9 @@ import numpy as np
 
 from jaxglider.environment.disturbances import (
     AbstractDisturbance,
+    ScaledDisturbance,
     Sinusoid,
     Sum,
-    Varied,
 )
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.uncertainty.distributions import AbstractDistribution, Uniform
@@ -79,7 +79,7 @@ def _sinusoids(
 ) -> Iterator[tuple[str, Sinusoid]]:
     if isinstance(disturbance, Sinusoid):
         yield path, disturbance
-    elif isinstance(disturbance, Varied):
+    elif isinstance(disturbance, ScaledDisturbance):
         yield from _sinusoids(disturbance.disturbance, f"{path}.disturbance")
     elif isinstance(disturbance, Sum):
         for number, term in enumerate(disturbance.terms):

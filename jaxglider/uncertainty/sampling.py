@@ -24,7 +24,7 @@ import numpy as np
 _SMALLEST = 2.0**-54
 
 
-class AbstractDesign:
+class AbstractSampler:
     """Rows of coordinates in the unit cube."""
 
     @abstractmethod
@@ -37,7 +37,7 @@ class AbstractDesign:
 
 
 @dataclasses.dataclass(frozen=True)
-class MonteCarlo(AbstractDesign):
+class MonteCarlo(AbstractSampler):
     """Independent draws, each column from a counter-based stream of its own.
 
     Adding a quantity or changing the order moves no other one.
@@ -67,7 +67,7 @@ class MonteCarlo(AbstractDesign):
 
 
 @dataclasses.dataclass(frozen=True)
-class SobolSequence(AbstractDesign):
+class SobolSequence(AbstractSampler):
     """The Sobol sequence, scrambled; best where the members are a power of two.
 
     Attributes:
@@ -92,7 +92,7 @@ class SobolSequence(AbstractDesign):
 
 
 @dataclasses.dataclass(frozen=True)
-class LatinHypercube(AbstractDesign):
+class LatinHypercube(AbstractSampler):
     """One member in each of N equal slices of every coordinate.
 
     All N rows are made at once and kept: 8 bytes for each member and column.

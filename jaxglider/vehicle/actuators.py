@@ -5,7 +5,7 @@ import jax.numpy as jnp
 
 from jaxglider.core.containers import Container, Scalar, as_float, check_interval
 from jaxglider.core.numerics import saturate
-from jaxglider.signals import Command, each
+from jaxglider.signals import Command, map_fields
 
 NEVER = 1e9
 """A time that no run reaches [s]."""
@@ -103,4 +103,4 @@ def follow_all(
     time: Scalar | float = 0.0,
 ) -> Command[Scalar]:
     """`Actuator.follow` for each of the three."""
-    return each(lambda h, w, a: a.follow(h, w, dt, time), held, wanted, actuators)
+    return map_fields(lambda h, w, a: a.follow(h, w, dt, time), held, wanted, actuators)

@@ -16,7 +16,7 @@ import dataclasses
 
 from jaxglider.core import rotations as frames
 from jaxglider.core.containers import Scalar
-from jaxglider.core.numerics import once, solve_symmetric
+from jaxglider.core.numerics import barrier, solve_symmetric
 from jaxglider.core.rotations import Attitude
 from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.vehicle.design_model import DesignModel
@@ -85,12 +85,12 @@ def momentum_transport(mass: MassMatrix, nu: BodyAxes[Scalar]) -> BodyAxes[Scala
     """(P × ω, K × ω + P × v): what turning axes do to momentum; it does no work."""
     m = mass
     u, v, w, p, q, r = nu.fields()
-    p1 = once(m.surge * u + m.c01 * q + m.c02 * r)
-    p2 = once(m.sway * v + m.c10 * p + m.c12 * r)
-    p3 = once(m.heave * w + m.c20 * p + m.c21 * q)
-    k1 = once(m.c10 * v + m.c20 * w + m.j00 * p + m.j01 * q + m.j02 * r)
-    k2 = once(m.c01 * u + m.c21 * w + m.j01 * p + m.j11 * q + m.j12 * r)
-    k3 = once(m.c02 * u + m.c12 * v + m.j02 * p + m.j12 * q + m.j22 * r)
+    p1 = barrier(m.surge * u + m.c01 * q + m.c02 * r)
+    p2 = barrier(m.sway * v + m.c10 * p + m.c12 * r)
+    p3 = barrier(m.heave * w + m.c20 * p + m.c21 * q)
+    k1 = barrier(m.c10 * v + m.c20 * w + m.j00 * p + m.j01 * q + m.j02 * r)
+    k2 = barrier(m.c01 * u + m.c21 * w + m.j01 * p + m.j11 * q + m.j12 * r)
+    k3 = barrier(m.c02 * u + m.c12 * v + m.j02 * p + m.j12 * q + m.j22 * r)
     return BodyAxes(
         p2 * r - p3 * q,
         p3 * p - p1 * r,
@@ -122,22 +122,22 @@ def accelerate(mass: MassMatrix, force: BodyAxes[Scalar]) -> BodyAxes[Scalar]:
     """M⁻¹ (force, moment) in closed form, through J − Cᵀ diag(m)⁻¹ C."""
     m = mass
     f1, f2, f3 = force.surge, force.sway, force.heave
-    d1, d2, d3 = once(1.0 / m.surge), once(1.0 / m.sway), once(1.0 / m.heave)
+    d1, d2, d3 = barrier(1.0 / m.surge), barrier(1.0 / m.sway), barrier(1.0 / m.heave)
     roll, pitch, yaw = solve_symmetric(
         (
-            once(m.j00 - m.c10 * m.c10 * d2 - m.c20 * m.c20 * d3),
-            once(m.j11 - m.c01 * m.c01 * d1 - m.c21 * m.c21 * d3),
-            once(m.j22 - m.c02 * m.c02 * d1 - m.c12 * m.c12 * d2),
+            barrier(m.j00 - m.c10 * m.c10 * d2 - m.c20 * m.c20 * d3),
+            barrier(m.j11 - m.c01 * m.c01 * d1 - m.c21 * m.c21 * d3),
+            barrier(m.j22 - m.c02 * m.c02 * d1 - m.c12 * m.c12 * d2),
         ),
         (
-            once(m.j01 - m.c20 * m.c21 * d3),
-            once(m.j02 - m.c10 * m.c12 * d2),
-            once(m.j12 - m.c01 * m.c02 * d1),
+            barrier(m.j01 - m.c20 * m.c21 * d3),
+            barrier(m.j02 - m.c10 * m.c12 * d2),
+            barrier(m.j12 - m.c01 * m.c02 * d1),
         ),
         (
-            once(force.roll - m.c10 * f2 * d2 - m.c20 * f3 * d3),
-            once(force.pitch - m.c01 * f1 * d1 - m.c21 * f3 * d3),
-            once(force.yaw - m.c02 * f1 * d1 - m.c12 * f2 * d2),
+            barrier(force.roll - m.c10 * f2 * d2 - m.c20 * f3 * d3),
+            barrier(force.pitch - m.c01 * f1 * d1 - m.c21 * f3 * d3),
+            barrier(force.yaw - m.c02 * f1 * d1 - m.c12 * f2 * d2),
         ),
     )
     return BodyAxes(

@@ -11,7 +11,7 @@ coefficient, −K_M0 u v; the source has none, and it is dropped.
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Scalar
-from jaxglider.core.numerics import once
+from jaxglider.core.numerics import barrier
 from jaxglider.core.rotations import direction
 from jaxglider.signals import BodyAxes
 from jaxglider.vehicle.parameters import GliderParameters
@@ -75,15 +75,15 @@ def flow_frame_hydrodynamics(
     c = parameters
     u, v, w = velocity.surge, velocity.sway, velocity.heave
     p, q, r = velocity.roll, velocity.pitch, velocity.yaw
-    ahead = once(jnp.sqrt(u * u + w * w + SLOWEST * SLOWEST))
-    speed2 = once(ahead * ahead + v * v)
-    speed = once(jnp.sqrt(speed2))
-    alpha, beta = once(direction(u, w)), once(direction(ahead, v))
+    ahead = barrier(jnp.sqrt(u * u + w * w + SLOWEST * SLOWEST))
+    speed2 = barrier(ahead * ahead + v * v)
+    speed = barrier(jnp.sqrt(speed2))
+    alpha, beta = barrier(direction(u, w)), barrier(direction(ahead, v))
     cos_a, sin_a, cos_b, sin_b = u / ahead, w / ahead, ahead / speed, v / speed
 
     def to_body(x: Scalar, y: Scalar, z: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-        x, y, z = once(speed2 * x), once(speed2 * y), once(speed2 * z)
-        level = once(cos_b * x - sin_b * y)
+        x, y, z = barrier(speed2 * x), barrier(speed2 * y), barrier(speed2 * z)
+        level = barrier(cos_b * x - sin_b * y)
         return (
             cos_a * level - sin_a * z,
             sin_b * x + cos_b * y,

@@ -8,7 +8,7 @@ and turns about it, and ballast. Origin: centre of buoyancy.
 import equinox as eqx
 
 from jaxglider.core.containers import Scalar
-from jaxglider.core.numerics import once, sincos
+from jaxglider.core.numerics import barrier, sincos
 from jaxglider.signals import Command
 from jaxglider.vehicle.parameters import BodyParameters, GliderParameters
 
@@ -71,8 +71,8 @@ def mass_matrix(
     yp, zp = parameters.mass_offset * sine, parameters.mass_offset * cosine
     mb, xb = body.ballast_mass + command.buoyancy_mass, parameters.buoyancy_position
     upright, flat = body.moving_pitch_inertia, body.moving_yaw_inertia
-    ahead, aside = once(mh * xh + mp * xp + mb * xb), once(mp * yp)
-    below = once(mh * zh + mp * zp)
+    ahead, aside = barrier(mh * xh + mp * xp + mb * xb), barrier(mp * yp)
+    below = barrier(mh * zh + mp * zp)
     long = mh * xh * xh + mp * xp * xp + mb * xb * xb
     return MassMatrix(
         surge=parameters.surge_mass + command.buoyancy_mass,

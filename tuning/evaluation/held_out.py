@@ -10,7 +10,7 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from tuning.problem.members import nominal_member
 from tuning.problem.objective import CHANNELS
-from tuning.problem.problem import Task
+from tuning.problem.problem import TuningProblem
 from tuning.reporting.statistics import student_half_width
 
 MEASURES = {"rms_error": "L2[e]", "rms_effort": "L2[U]", "chattering": "L2[dU]"}
@@ -19,7 +19,7 @@ MEASURES = {"rms_error": "L2[e]", "rms_effort": "L2[U]", "chattering": "L2[dU]"}
 class Judge:
     """What a loop is worth on the nominal case and on the held-out test members."""
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: TuningProblem) -> None:
         self._task, self._run = task, task.on_members()
 
     def __call__(self, loop: ClosedLoop) -> tuple[Metrics, Metrics]:
@@ -30,7 +30,7 @@ class Judge:
 
 
 def verdict(
-    task: Task,
+    task: TuningProblem,
     before: tuple[Metrics, Metrics],
     after: tuple[Metrics, Metrics],
 ) -> dict[str, Any]:
@@ -52,7 +52,7 @@ def verdict(
         },
         "held_out": {
             channel: {
-                measure: paired(
+                measure: paired_means(
                     _column(held_out["before"], channel, measure),
                     _column(held_out["after"], channel, measure),
                 )
@@ -64,7 +64,7 @@ def verdict(
     }
 
 
-def paired(before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
+def paired_means(before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
     """Paired comparison of one measure on the same members.
 
     Args:

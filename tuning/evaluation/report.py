@@ -16,7 +16,7 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory, simulate
 from tuning.evaluation.held_out import MEASURES
 from tuning.problem.objective import CHANNELS
-from tuning.problem.problem import Task
+from tuning.problem.problem import TuningProblem
 from tuning.reporting.tables import figure, outcome
 from tuning.search.settings import Step
 
@@ -75,7 +75,7 @@ def _arrow(before: float | None, after: float | None) -> str:
     return f"{figure(before)} -> {figure(after)}"
 
 
-def history_table(task: Task, history: list[Step]) -> str:
+def history_table(task: TuningProblem, history: list[Step]) -> str:
     """The descent as CSV: one row a step, gains in their own units."""
     table = io.StringIO()
     rows = csv.writer(table)
@@ -97,9 +97,9 @@ def history_table(task: Task, history: list[Step]) -> str:
     return table.getvalue()
 
 
-def write_report(
+def write_tuning_report(
     out: Path,
-    task: Task,
+    task: TuningProblem,
     tuned: ClosedLoop,
     history: list[Step],
     result: dict[str, Any],
@@ -154,7 +154,7 @@ def _objective_figure(history: list[Step]) -> Figure:
     return figure
 
 
-def _gains_figure(task: Task, history: list[Step]) -> Figure:
+def _gains_figure(task: TuningProblem, history: list[Step]) -> Figure:
     figure = Figure(figsize=(5.0, 4.2), layout="constrained")
     axes = figure.subplots()
     kept = [s for s in history if not s.refused]

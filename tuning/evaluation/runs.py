@@ -26,7 +26,7 @@ LABELS = {
 
 
 @dataclasses.dataclass(frozen=True)
-class Entry:
+class PlannedRun:
     """One run to make: where, by whom, the loop, and whether the paper has the case."""
 
     scenario: str
@@ -37,10 +37,10 @@ class Entry:
 
 
 @dataclasses.dataclass(frozen=True)
-class Done:
+class FinishedRun:
     """One run made, its trajectory on the host."""
 
-    entry: Entry
+    entry: PlannedRun
     trajectory: Trajectory
 
     def summary(self) -> dict[str, Any]:
@@ -57,7 +57,7 @@ class Done:
         }
 
 
-def run_all(entries: list[Entry], seed: int) -> tuple[list[Done], bool]:
+def run_all(entries: list[PlannedRun], seed: int) -> tuple[list[FinishedRun], bool]:
     """Run the entries one after the other; an interruption keeps what is done.
 
     Args:
@@ -76,7 +76,7 @@ def run_all(entries: list[Entry], seed: int) -> tuple[list[Done], bool]:
                 "compiling and running ..."
             )
             sea = entry.loop.scenario.sea(jax.random.key(seed))
-            done.append(Done(entry, jax.device_get(run(entry.loop, sea))))
+            done.append(FinishedRun(entry, jax.device_get(run(entry.loop, sea))))
     except KeyboardInterrupt:
         return done, True
     finally:
@@ -85,7 +85,7 @@ def run_all(entries: list[Entry], seed: int) -> tuple[list[Done], bool]:
 
 
 def report_runs(
-    options: argparse.Namespace, done: list[Done], interrupted: bool, seed: int
+    options: argparse.Namespace, done: list[FinishedRun], interrupted: bool, seed: int
 ) -> int:
     """Print, write and draw what came of the runs."""
     if not done:
@@ -115,7 +115,7 @@ def report_runs(
     return RUN_FAILED if failed else OK
 
 
-def _write(out: Path, done: list[Done], result: dict[str, Any]) -> None:
+def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
     progress = Progress()
     progress.show(f"writing to {out} ...")
     write_json(out / "metrics.json", result)

@@ -20,7 +20,7 @@ DT = 0.05
 
 
 @dataclasses.dataclass(frozen=True)
-class Case:
+class FlightCase:
     """A task and what its controllers are designed with.
 
     Attributes:
@@ -44,7 +44,7 @@ class Case:
     @classmethod
     def of_paper(
         cls, kind: str, plant: str, dt: float | None, duration: float | None
-    ) -> "Case":
+    ) -> "FlightCase":
         """One of the paper's cases.
 
         Args:
@@ -61,7 +61,9 @@ class Case:
         return cls(kind, kind, plant, scenario, paper.design_model(scenario.plant))
 
     @classmethod
-    def of_mission(cls, mission: Mission, duration: float | None = None) -> "Case":
+    def of_mission(
+        cls, mission: Mission, duration: float | None = None
+    ) -> "FlightCase":
         """The task of a mission, judged by its funnel or else its controller's.
 
         Args:
@@ -93,7 +95,7 @@ class Case:
         )
 
     @classmethod
-    def of_options(cls, options: argparse.Namespace) -> "Case":
+    def of_options(cls, options: argparse.Namespace) -> "FlightCase":
         """The case that a command is told: `--config`, or `--scenario` and `--plant`.
 
         Raises:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxglider.core.toml import ConfigError, read_toml
-from jaxglider.files.gains import Law, decode_gains
+from jaxglider.files.gains import LoadedGains, decode_gains
 from jaxglider.paper.tuned import tuned_gains
 
 PAPER, TUNED, MISSION = "paper", "tuned", "mission"
@@ -29,7 +29,7 @@ class Gains:
     origin: str
     text: str
 
-    def load(self, scenario: str, model: Any) -> Law:
+    def load(self, scenario: str, model: Any) -> LoadedGains:
         """What the text says.
 
         Args:

@@ -47,22 +47,22 @@ def member_losses(
     devices: Sequence[jax.Device] | None = None,
 ) -> jax.Array:
     """The objective of each row on each member, as it counts; see `losses`."""
-    count = size(members)
+    count = member_count(members)
     copies = jnp.repeat(rows[:, None], count, axis=1)
     values = map_members(
-        lambda lane: loss(*lane), paired(copies, members), devices=devices
+        lambda lane: loss(*lane), as_lanes(copies, members), devices=devices
     )
-    return counted(values.reshape(-1, count), unit)
+    return saturate_cost(values.reshape(-1, count), unit)
 
 
-def paired(copies: jax.Array, members: Any) -> tuple[jax.Array, Any]:
+def as_lanes(copies: jax.Array, members: Any) -> tuple[jax.Array, Any]:
     """Every row's copies beside the members, as one axis of lanes.
 
     Args:
         copies: free numbers; rows, then copies of each, a multiple of the members.
         members: one leading axis.
     """
-    times = copies.shape[1] // size(members)
+    times = copies.shape[1] // member_count(members)
 
     def spread(x: jax.Array) -> jax.Array:
         each = jnp.repeat(x, times, axis=0)
@@ -71,7 +71,7 @@ def paired(copies: jax.Array, members: Any) -> tuple[jax.Array, Any]:
     return copies.reshape(-1, copies.shape[2]), jax.tree.map(spread, members)
 
 
-def counted(values: jax.Array, unit: float) -> jax.Array:
+def saturate_cost(values: jax.Array, unit: float) -> jax.Array:
     """The objectives as they count: J, above a poor one's J₀ only J₀ (1 + log(J/J₀)).
 
     At most what a failed run counts, 3 J₀. A run that is lost may come to thousands, or
@@ -84,6 +84,6 @@ def counted(values: jax.Array, unit: float) -> jax.Array:
     return jnp.where(jnp.isfinite(values), value, failed)
 
 
-def size(members: Any) -> int:
+def member_count(members: Any) -> int:
     """How many members an ensemble has."""
     return int(jax.tree.leaves(members)[0].shape[0])

@@ -5,7 +5,7 @@ import importlib.util
 from pathlib import Path
 from typing import Any
 
-from jaxglider.core.toml import ConfigError, Table, read_toml
+from jaxglider.core.toml import ConfigError, TomlTable, read_toml
 from tuning.problem.objective import CHANNELS, TERMS, Aggregate, Cost, Weights
 
 
@@ -59,7 +59,7 @@ def read_objective(path: Path | None) -> tuple[Weights, Aggregate]:
     if path is None:
         return DEFAULT_WEIGHTS, Aggregate()
     try:
-        top = Table(read_toml(path), "")
+        top = TomlTable(read_toml(path), "")
         parts = []
         for key, old in (("weights", DEFAULT_WEIGHTS), ("aggregate", Aggregate())):
             table = top.table(key)
@@ -76,11 +76,11 @@ def read_objective(path: Path | None) -> tuple[Weights, Aggregate]:
     return parts[0], parts[1]
 
 
-def _read(table: Table, name: str, old: Any) -> Any:
+def _read(table: TomlTable, name: str, old: Any) -> Any:
     """A word, a number, or a number for each channel."""
     given = table.get(name, old)
     if isinstance(given, dict) and name in TERMS:
-        by_name = Table(given, f"weights.{name}")
+        by_name = TomlTable(given, f"weights.{name}")
         values = tuple(by_name.number(channel) for channel in CHANNELS)
         by_name.close()
         return values

@@ -17,9 +17,9 @@ from jaxglider.simulation.rollout import evaluate, sparse_checkpoints
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.uncertainty.members import Member, Uncertainty, with_member
 from jaxglider.uncertainty.quantities import uniform_uncertainty
-from tuning.problem.case import Case
+from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import MISSION, PAPER
-from tuning.problem.lanes import losses, size
+from tuning.problem.lanes import losses, member_count
 from tuning.problem.members import (
     TEST,
     TRAINING,
@@ -56,7 +56,7 @@ STATE_SIZE, STATES_LIMIT = 50, 2**30
 
 
 @dataclasses.dataclass(frozen=True)
-class Task:
+class TuningProblem:
     """Everything a tuning run needs.
 
     Attributes:
@@ -73,7 +73,7 @@ class Task:
         gradient_memory: of the gradient that is descended [s]; None for the exact one.
     """
 
-    case: Case
+    case: FlightCase
     kind: str
     loop: ClosedLoop
     space: Space
@@ -105,7 +105,7 @@ class Task:
     def _checkpoint_every(self) -> int:
         """1 as long as a gradient's states fit in memory; that is a sixth faster."""
         clock = self.loop.scenario.clock
-        states = STATE_SIZE * clock.dt.dtype.itemsize * size(self.training)
+        states = STATE_SIZE * clock.dt.dtype.itemsize * member_count(self.training)
         if clock.ticks * states <= STATES_LIMIT:
             return 1
         return sparse_checkpoints(clock.ticks)
@@ -128,13 +128,13 @@ class Task:
         return jax.jit(run)
 
 
-def build_task(options: argparse.Namespace) -> Task:
+def build_task(options: argparse.Namespace) -> TuningProblem:
     """A task from the options of the command line.
 
     Raises:
         ValueError: an option or a file cannot be used.
     """
-    case = Case.of_options(options)
+    case = FlightCase.of_options(options)
     kind, loop = _start(options, case)
     uncertainty = _uncertainty(options, loop.scenario)
     loop = dataclasses.replace(loop, scenario=uncertainty.scenario)
@@ -152,7 +152,7 @@ def build_task(options: argparse.Namespace) -> Task:
         return sample_members(uncertainty, options.seed, which, count)
 
     objective = Objective(_reference(loop, kind, case), weights, cost)
-    return Task(
+    return TuningProblem(
         case,
         kind,
         loop,
@@ -185,7 +185,7 @@ def _uncertainty(options: argparse.Namespace, scenario: Scenario) -> Uncertainty
     )
 
 
-def _reference(loop: ClosedLoop, kind: str, case: Case) -> Metrics:
+def _reference(loop: ClosedLoop, kind: str, case: FlightCase) -> Metrics:
     """The nominal run with the starting gains, or with the paper's if that fails."""
     run = jax.jit(evaluate)
     member = jax.tree.map(lambda x: x[0], nominal_member(loop))
@@ -197,7 +197,7 @@ def _reference(loop: ClosedLoop, kind: str, case: Case) -> Metrics:
     return run(*with_member(paper_loop, member))
 
 
-def _start(options: argparse.Namespace, case: Case) -> tuple[str, ClosedLoop]:
+def _start(options: argparse.Namespace, case: FlightCase) -> tuple[str, ClosedLoop]:
     """The kind of controller and the closed loop to start from.
 
     Raises:

@@ -134,7 +134,7 @@ def spread(values: np.ndarray, level: float = LEVEL) -> dict[str, Any]:
     }
 
 
-def paired(first: np.ndarray, second: np.ndarray) -> dict[str, Any]:
+def paired_difference(first: np.ndarray, second: np.ndarray) -> dict[str, Any]:
     """Two sets of gains on the same members: how much less, and how often, the second.
 
     The difference, second − first, is over the pairs in which neither failed; who wins

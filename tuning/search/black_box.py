@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.core.containers import Series
-from tuning.problem.lanes import size
-from tuning.problem.problem import Task
+from tuning.problem.lanes import member_count
+from tuning.problem.problem import TuningProblem
 from tuning.reporting.console import Progress, note
 from tuning.search.evolution import (
     Generation,
@@ -15,7 +15,7 @@ from tuning.search.evolution import (
     default_population,
     random_search,
 )
-from tuning.search.settings import Settings, Step
+from tuning.search.settings import DescentSettings, Step
 
 SEARCHES: dict[str, Callable[..., Iterator[Generation]]] = {
     "cma": cma_es,
@@ -25,9 +25,9 @@ SEARCHES: dict[str, Callable[..., Iterator[Generation]]] = {
 
 def black_box(
     method: str,
-    task: Task,
+    task: TuningProblem,
     start: Series,
-    settings: Settings,
+    settings: DescentSettings,
     progress: Progress,
     population: int | None = None,
     *,
@@ -48,7 +48,7 @@ def black_box(
         The free numbers that are best on the validation members, the history, and
         whether the search was interrupted.
     """
-    members = size(task.training)
+    members = member_count(task.training)
     budget = settings.steps * settings.gradient_cost(members, task.aggregate)
     population = population or default_population(int(start.shape[0]))
     search = SEARCHES[method](

@@ -15,12 +15,12 @@ from jaxglider.core.containers import Series
 from jaxglider.simulation.scenario import Clock
 from tuning.gradient_check.check import SHORT_STEPS, check_gradient
 from tuning.problem.members import nominal_member
-from tuning.problem.problem import Task
+from tuning.problem.problem import TuningProblem
 from tuning.reporting.console import Progress, note
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descent import Descent
-from tuning.search.rescue import is_lost, promising_start
-from tuning.search.settings import Settings, State, Step
+from tuning.search.rescue import is_lost, promising_gains
+from tuning.search.settings import DescentSettings, State, Step
 
 T = TypeVar("T")
 CHECKED = 100.0
@@ -29,9 +29,9 @@ CHECKED = 100.0
 
 def started(
     options: argparse.Namespace,
-    task: Task,
+    task: TuningProblem,
     start: Series,
-    settings: Settings,
+    settings: DescentSettings,
     progress: Progress,
 ) -> tuple[State, Descent, tuple[str, ...]]:
     """A descent at its start, or at a better one if this is lost; and remarks."""
@@ -50,7 +50,7 @@ def started(
     state = descent.start(start)
     remarks = [check.result()] if check else []
     if not options.resume and is_lost(state.loss, task.unit):
-        start, _, text = promising_start(
+        start, _, text = promising_gains(
             task, start, float(state.loss[0]), options.seed, progress.show
         )
         remarks.append(text)
@@ -119,7 +119,7 @@ def beside(function: Callable[..., T], *args: Any) -> "Future[T]":
     return future
 
 
-def _trust(task: Task, start: Series) -> str:
+def _trust(task: TuningProblem, start: Series) -> str:
     """Whether the derivative at the start is exact, and how far it foretells.
 
     On the beginning of the nominal case: differences of a long run are rounding.

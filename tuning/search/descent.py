@@ -27,9 +27,16 @@ from jax import lax
 from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Series
 from jaxglider.core.differentiation import value_and_gradient
-from tuning.problem.lanes import FAILED, Loss, counted, member_losses, paired, size
+from tuning.problem.lanes import (
+    FAILED,
+    Loss,
+    as_lanes,
+    member_count,
+    member_losses,
+    saturate_cost,
+)
 from tuning.problem.objective import UNIT, Aggregate
-from tuning.search.settings import Settings, State, Step, make_optimiser
+from tuning.search.settings import DescentSettings, State, Step, make_optimiser
 
 
 class Descent:
@@ -40,7 +47,7 @@ class Descent:
         loss: Loss,
         training: Any,
         validation: Any,
-        settings: Settings,
+        settings: DescentSettings,
         aggregate: Aggregate | None = None,
         *,
         guide: Loss | None = None,
@@ -128,7 +135,7 @@ class Descent:
     @property
     def deals(self) -> int:
         """Steps in which every member has its turn in the gradient."""
-        count = size(self._members[0])
+        count = member_count(self._members[0])
         return count // self.settings.batch_of(count, self._aggregate)
 
     def _started(self, free: jax.Array) -> State:
@@ -164,7 +171,7 @@ class Descent:
         And whether any lane's gradient is finite.
         """
         slope, usable = self._gradients(free, number, members[0])
-        count = size(members[0])
+        count = member_count(members[0])
         both = jax.tree.map(lambda *x: jnp.concatenate(x), *members)
         values = member_losses(self._loss, free, both, self._unit, self._devices)
         loss, validation = (
@@ -233,7 +240,7 @@ class Descent:
         And whether it is of any lane at all.
         """
         members = self._batch(number, members)
-        count = size(members)
+        count = member_count(members)
         lanes = count * -(-self.settings.copies // count)
         key = jr.fold_in(jr.key(self.settings.seed), number)
         copies = jax.vmap(lambda x: scattered(x, key, lanes, self.settings.spread))(
@@ -242,7 +249,7 @@ class Descent:
         slope_of = value_and_gradient(self._guide, members=free.shape[0] * lanes)
         values, slopes = map_members(
             lambda lane: slope_of(*lane),
-            paired(copies, members),
+            as_lanes(copies, members),
             devices=self._devices,
         )
         values = values.reshape(-1, lanes)
@@ -250,13 +257,13 @@ class Descent:
         clipped = jnp.where(norm > 1.0, slopes / norm, slopes)
         usable = jnp.isfinite(norm) & jnp.isfinite(values.reshape(-1, 1))
         clipped = jnp.where(usable, clipped, 0.0).reshape(-1, lanes, free.shape[1])
-        _, weights = jax.vmap(self._aggregate)(counted(values, self._unit))
+        _, weights = jax.vmap(self._aggregate)(saturate_cost(values, self._unit))
         slope = jnp.sum(weights[:, :, None] * clipped, axis=1)
         return slope, jnp.any(usable.reshape(-1, lanes), axis=1)
 
     def _batch(self, number: jax.Array, members: Any) -> Any:
         """The members of a step: the ensemble is dealt out anew once all had a turn."""
-        count = size(members)
+        count = member_count(members)
         batch = self.settings.batch_of(count, self._aggregate)
         if batch == count:
             return members

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Series
-from tuning.problem.lanes import size
-from tuning.problem.problem import Task
+from tuning.problem.lanes import member_count
+from tuning.problem.problem import TuningProblem
 from tuning.search.evolution import cma_es
 
 LOST = 2.0
@@ -24,7 +24,7 @@ ENOUGH = 1.25
 lost."""
 
 
-class Found(NamedTuple):
+class SearchResult(NamedTuple):
     """What the search came to.
 
     Attributes:
@@ -43,13 +43,13 @@ def is_lost(objectives: Series, unit: float) -> bool:
     return bool(jnp.min(objectives) >= LOST * unit)
 
 
-def promising_start(
-    task: Task,
+def promising_gains(
+    task: TuningProblem,
     free: Series,
     objective: float,
     seed: int,
     tell: Callable[[str], None] = lambda text: None,
-) -> Found:
+) -> SearchResult:
     """Where to descend from instead of gains that lose the glider.
 
     CMA-ES on the training members, until few of them are lost.
@@ -62,7 +62,7 @@ def promising_start(
         tell: is told how far it is.
     """
     run = task.losses_on(task.training)
-    members = size(task.training)
+    members = member_count(task.training)
     budget = (1 + DRAWS * GENERATIONS) * members
     found = []
     search = cma_es(
@@ -79,13 +79,13 @@ def promising_start(
     given, best = found[0].loss, min(found, key=lambda step: step.loss)
     spent = found[-1].rollouts
     if not best.loss < given:
-        return Found(
+        return SearchResult(
             free,
             spent,
             f"the starting gains lose the glider (objective {given:.3g}), and so do "
             f"{DRAWS * GENERATIONS} others around them; descending all the same.",
         )
-    return Found(
+    return SearchResult(
         best.free,
         spent,
         f"the starting gains lose the glider (objective {given:.3g}): descending "

@@ -17,7 +17,7 @@ from tuning.search.evolution import GRADIENT_COST
 
 
 @dataclasses.dataclass(frozen=True)
-class Settings:
+class DescentSettings:
     """How to descend.
 
     Attributes:

@@ -23,7 +23,7 @@ from tuning.gradient_check.text import (
     to_dict,
 )
 from tuning.problem.members import nominal_member
-from tuning.problem.problem import Task, build_task
+from tuning.problem.problem import TuningProblem, build_task
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import OK
 
@@ -70,7 +70,7 @@ def check(options: argparse.Namespace) -> int:
     return OK
 
 
-def _by_horizon(options: argparse.Namespace, task: Task) -> dict[float, Any]:
+def _by_horizon(options: argparse.Namespace, task: TuningProblem) -> dict[float, Any]:
     """The same objective on a quarter, half and the whole of the run."""
     whole = float(task.loop.scenario.clock.ticks * task.loop.scenario.clock.dt)
     losses = {}
@@ -83,11 +83,11 @@ def _by_horizon(options: argparse.Namespace, task: Task) -> dict[float, Any]:
     return losses
 
 
-def _loss_of(task: Task, member: Any) -> Any:
+def _loss_of(task: TuningProblem, member: Any) -> Any:
     return lambda x: task.loss(x, member)
 
 
-def _with_smoothing(task: Task, delta: Any) -> Task:
+def _with_smoothing(task: TuningProblem, delta: Any) -> TuningProblem:
     """The task with δ of controller and observer changed, where they have one."""
     loop = task.loop
     for part in ("controller", "observer"):

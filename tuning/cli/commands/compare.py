@@ -7,7 +7,7 @@ from pathlib import Path
 from jaxglider import paper
 from jaxglider.core.toml import read_toml
 from jaxglider.simulation.closed_loop import ClosedLoop
-from tuning.evaluation.runs import Entry, report_runs, run_all
+from tuning.evaluation.runs import PlannedRun, report_runs, run_all
 from tuning.problem.case import DT
 from tuning.problem.gain_sets import resolve
 from tuning.reporting.console import check_writable, note
@@ -34,7 +34,7 @@ def _note_origin(path: Path, scenarios: Sequence[str], plant: str) -> None:
         note(f"{path} was tuned for {origin['scenario']} on {origin['plant']}.")
 
 
-def _paper_entries(options: argparse.Namespace, scenario: str) -> Iterator[Entry]:
+def _paper_entries(options: argparse.Namespace, scenario: str) -> Iterator[PlannedRun]:
     setting = paper.make_scenario(scenario, options.plant, dt=options.dt or DT)
     model = paper.design_model(setting.plant)
     for name in dict.fromkeys(options.controllers):
@@ -43,8 +43,8 @@ def _paper_entries(options: argparse.Namespace, scenario: str) -> Iterator[Entry
             paper.make_controller(name, scenario, model),
             paper.make_observer(name, model),
         )
-        yield Entry(scenario, options.plant, name, loop)
+        yield PlannedRun(scenario, options.plant, name, loop)
     words = [str(path) for path in options.gains]
     for gains in resolve(words, options.controllers, scenario, options.plant):
         law = gains.load(scenario, model)
-        yield Entry(scenario, options.plant, gains.label, law.on(setting))
+        yield PlannedRun(scenario, options.plant, gains.label, law.on(setting))

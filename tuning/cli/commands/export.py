@@ -21,7 +21,7 @@ from jaxglider.onboard.autopilot import autopilot
 from jaxglider.onboard.guard import Guard
 from jaxglider.signals import Command
 from jaxglider.simulation.closed_loop import ClosedLoop
-from tuning.problem.case import Case, refuse_beside_mission
+from tuning.problem.case import FlightCase, refuse_beside_mission
 from tuning.reporting.console import Progress, check_writable, print_result
 from tuning.reporting.exit_codes import OK
 
@@ -83,7 +83,7 @@ def _loop(options: argparse.Namespace) -> tuple[ClosedLoop, str, dict[str, Any]]
         )
     scenario = options.scenario or _known(origin, "scenario", paper.SCENARIOS)
     plant = options.plant or _known(origin, "plant", tuple(paper.PLANTS))
-    case = Case.of_paper(scenario, plant, options.dt, None)
+    case = FlightCase.of_paper(scenario, plant, options.dt, None)
     (gains,) = case.resolve([options.gains], [options.controller])
     about = _about(gains=gains.origin, scenario=scenario, plant=plant)
     title = f"{gains.label} for {scenario} on {plant}"

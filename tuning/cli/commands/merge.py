@@ -6,7 +6,7 @@ import sys
 from jaxglider.files.writing import provenance
 from tuning.reporting.console import print_result
 from tuning.sweep.analysis.summary import MEASURES, text_summary
-from tuning.sweep.report.conclude import conclude, verdict
+from tuning.sweep.report.conclude import conclude, exit_code
 from tuning.sweep.run.campaign import build
 from tuning.sweep.run.shards import join, read_shards
 from tuning.sweep.run.store import (
@@ -29,4 +29,4 @@ def merge(options: argparse.Namespace) -> int:
     rows = read_rows(options.out / "rows.bin", merged.row_type())
     summary = conclude(options, options.out, campaign, merged, rows, about)
     print_result(summary, text_summary(summary), as_json=options.json)
-    return verdict(summary)
+    return exit_code(summary)

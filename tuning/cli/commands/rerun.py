@@ -27,7 +27,7 @@ from tuning.sweep.analysis.summary import ranked
 from tuning.sweep.run.campaign import Campaign, build
 from tuning.sweep.run.engine import Engine
 from tuning.sweep.run.loop import compute, draw
-from tuning.sweep.run.rows import COLUMNS, Table, flatten, unit
+from tuning.sweep.run.rows import COLUMNS, Rows, flatten, unit
 from tuning.sweep.run.store import Manifest, read_manifest, read_rows, whole_rows
 
 
@@ -65,15 +65,15 @@ def rerun(options: argparse.Namespace) -> int:
     return 0
 
 
-def _table(folder: Path, manifest: Manifest) -> Table:
+def _table(folder: Path, manifest: Manifest) -> Rows:
     path = folder / "rows.bin"
     count = whole_rows(path, manifest.row_type(), manifest.first)
     if count == 0:
         raise ValueError(f"{folder} holds no members yet; go on with its sweep.")
-    return Table(read_rows(path, manifest.row_type())[:count], manifest.labels)
+    return Rows(read_rows(path, manifest.row_type())[:count], manifest.labels)
 
 
-def _number(options: argparse.Namespace, manifest: Manifest, table: Table) -> int:
+def _number(options: argparse.Namespace, manifest: Manifest, table: Rows) -> int:
     """The member asked for.
 
     Raises:

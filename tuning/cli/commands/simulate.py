@@ -6,10 +6,10 @@ from pathlib import Path
 from jaxglider.control.observer import NoObserver
 from jaxglider.files.mission import Mission, load_mission
 from jaxglider.onboard.guard import status_names
-from jaxglider.onboard.pipe import Peer, PipeController
+from jaxglider.onboard.pipe import ChildProcess, PipeController
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.start import start_warnings
-from tuning.evaluation.runs import Entry, report_runs, run_all
+from tuning.evaluation.runs import PlannedRun, report_runs, run_all
 from tuning.reporting.console import check_writable, note
 from tuning.reporting.exit_codes import RUN_FAILED
 
@@ -23,7 +23,7 @@ def simulate_mission(options: argparse.Namespace) -> int:
     seed = mission.seed if options.seed is None else options.seed
     if options.controller_binary is not None:
         return _simulate_outside(options, mission, seed)
-    entry = Entry(
+    entry = PlannedRun(
         mission.name, mission.plant, mission.controller, mission.loop, published=False
     )
     done, interrupted = run_all([entry], seed=seed)
@@ -34,12 +34,12 @@ def _simulate_outside(options: argparse.Namespace, mission: Mission, seed: int) 
     """The same with a program in the place of controller and observer."""
     loop = mission.loop
     dt = float(loop.scenario.clock.dt)
-    peer = Peer([options.controller_binary], dt, options.controller_timeout)
+    peer = ChildProcess([options.controller_binary], dt, options.controller_timeout)
     try:
         outside = PipeController(getattr(loop.controller, "funnel", None), peer)
         loop = ClosedLoop(loop.scenario, outside, NoObserver())
         name = Path(options.controller_binary).name
-        entry = Entry(mission.name, mission.plant, name, loop, published=False)
+        entry = PlannedRun(mission.name, mission.plant, name, loop, published=False)
         done, interrupted = run_all([entry], seed=seed)
         if peer.failure is not None:
             note(f"{peer.failure} Nothing is written.")

@@ -11,13 +11,13 @@ from tuning.reporting.console import Progress, check_writable, note, print_resul
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED, VIOLATED
 from tuning.sweep.analysis.sensitivity import run_blocks
 from tuning.sweep.analysis.summary import MEASURES, text_summary
-from tuning.sweep.report.conclude import conclude, verdict
+from tuning.sweep.report.conclude import conclude, exit_code
 from tuning.sweep.report.levels import write_levels
 from tuning.sweep.run.campaign import Campaign, build, read_settings
 from tuning.sweep.run.engine import Engine
 from tuning.sweep.run.hosts import gathered
 from tuning.sweep.run.loop import continues, draw, run_campaign
-from tuning.sweep.run.rows import Table
+from tuning.sweep.run.rows import Rows
 from tuning.sweep.run.store import (
     Manifest,
     Store,
@@ -97,7 +97,7 @@ def _run(
     manifest = Manifest.of(campaign, first, last, about)
     prepare(folder, manifest, resume=options.resume, overwrite=options.overwrite)
     code, begun, work = OK, time.monotonic(), _Work(campaign)
-    runs: Table | None = None
+    runs: Rows | None = None
     with opened(folder, manifest.row_type(), first) as store:
         if store.cut:
             note(
@@ -131,7 +131,7 @@ def _run(
                 "are safe. Make room and go on with --resume."
             )
             return RUN_FAILED, None
-    return code or verdict(summary), summary
+    return code or exit_code(summary), summary
 
 
 def _run_on_hosts(
@@ -158,7 +158,7 @@ def _run_on_hosts(
         for part in gathered(rows, total, host, hosts):
             store.append(part)
         summary = conclude(options, folder, campaign, merged, store.rows(), about)
-    return verdict(summary), summary
+    return exit_code(summary), summary
 
 
 class _Work:
@@ -206,7 +206,7 @@ class _Work:
         finally:
             self._progress.clear()
 
-    def blocks(self, path: Path, kind: Any, blocks: int) -> Table:
+    def blocks(self, path: Path, kind: Any, blocks: int) -> Rows:
         """Run what is missing of the blocks for Sobol indices."""
         before: list[int] = []
 

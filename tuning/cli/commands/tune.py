@@ -17,22 +17,22 @@ from jaxglider.files.mission import self_contained
 from jaxglider.files.writing import provenance, write_json, write_text
 from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.evaluation.held_out import Judge, verdict
-from tuning.evaluation.report import history_table, text_report, write_report
-from tuning.problem.lanes import size
-from tuning.problem.problem import Task, build_task
+from tuning.evaluation.report import history_table, text_report, write_tuning_report
+from tuning.problem.lanes import member_count
+from tuning.problem.problem import TuningProblem, build_task
 from tuning.reporting.console import Progress, check_writable, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK
 from tuning.search.black_box import black_box
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descend import beside, descend, started
-from tuning.search.settings import Settings, Step
+from tuning.search.settings import DescentSettings, Step
 
 _CONTINUES = ("out", "resume", "json", "debug", "command", "no_check")
 
 
 def tune(options: argparse.Namespace) -> int:
     """`jaxglider tune`: gradient descent through the rollout."""
-    settings = Settings(
+    settings = DescentSettings(
         steps=options.steps,
         learning_rate=options.learning_rate,
         optimiser=options.optimizer,
@@ -115,7 +115,7 @@ def _content(key: str, value: Any) -> Any:
 
 def _result(
     options: argparse.Namespace,
-    task: Task,
+    task: TuningProblem,
     tuned: ClosedLoop,
     history: list[Step],
     judged: dict[str, Any],
@@ -129,7 +129,7 @@ def _result(
         "steps": history[-1].number,
         "refused": sum(step.refused for step in history),
         "members": {
-            name: size(members)
+            name: member_count(members)
             for name, members in (
                 ("training", task.training),
                 ("validation", task.validation),
@@ -151,7 +151,7 @@ def _result(
 
 def _write(
     out: Path,
-    task: Task,
+    task: TuningProblem,
     tuned: ClosedLoop,
     history: list[Step],
     result: dict[str, Any],
@@ -171,4 +171,4 @@ def _write(
     write_text(out / "gains.toml", tomli_w.dumps(gains))
     write_text(out / "history.csv", history_table(task, history))
     write_json(out / "tune.json", result)
-    write_report(out, task, tuned, history, result)
+    write_tuning_report(out, task, tuned, history, result)

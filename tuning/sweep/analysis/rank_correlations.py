@@ -6,7 +6,7 @@ import numpy as np
 from scipy import special
 
 from tuning.sweep.analysis.summary import severity
-from tuning.sweep.run.rows import CHANNELS, Table
+from tuning.sweep.run.rows import CHANNELS, Rows
 
 SEVERITY = "severity"
 """Name of the largest error over the edge of its funnel, over all channels."""
@@ -21,7 +21,7 @@ OUTPUTS = (
 """What drivers are looked for of."""
 
 
-def output(table: Table, number: int, name: str) -> np.ndarray:
+def output(table: Rows, number: int, name: str) -> np.ndarray:
     """One of `OUTPUTS` of each member; infinite for runs that failed."""
     if name == LEFT:
         return table.left_funnel(number).astype(float)
@@ -64,7 +64,7 @@ def rank_correlations(values: np.ndarray, result: np.ndarray) -> dict[str, Any]:
     }
 
 
-def drivers(table: Table, names: tuple[str, ...], number: int) -> dict[str, Any]:
+def drivers(table: Rows, names: tuple[str, ...], number: int) -> dict[str, Any]:
     """The rank correlations with each output, largest modulus first.
 
     Args:

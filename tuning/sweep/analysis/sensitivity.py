@@ -18,7 +18,7 @@ from tuning.sweep.analysis.sobol import Saltelli, indices
 from tuning.sweep.run.campaign import Campaign
 from tuning.sweep.run.engine import Engine
 from tuning.sweep.run.loop import run_campaign
-from tuning.sweep.run.rows import Table
+from tuning.sweep.run.rows import Rows
 from tuning.sweep.run.store import Store
 
 CHANCE = "chance"
@@ -44,7 +44,7 @@ def run_blocks(
     path: Path,
     kind: np.dtype,
     progress: Callable[[int, int], None],
-) -> Table:
+) -> Rows:
     """Run what is not yet run of the blocks, and return their rows.
 
     Args:
@@ -69,13 +69,13 @@ def run_blocks(
     store = Store(path, kind, 0)
     try:
         run_campaign(like, engine, store, 0, total, lambda n: progress(n, total))
-        return Table(np.array(store.rows()[:total]), campaign.labels)
+        return Rows(np.array(store.rows()[:total]), campaign.labels)
     finally:
         store.close()
 
 
 def sensitivities(
-    campaign: Campaign, blocks: int, table: Table, runs: Table, summary: dict[str, Any]
+    campaign: Campaign, blocks: int, table: Rows, runs: Rows, summary: dict[str, Any]
 ) -> None:
     """Add to the summary what each set of gains answers to.
 

@@ -18,14 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from jaxglider.uncertainty.sampling import AbstractDesign
+from jaxglider.uncertainty.sampling import AbstractSampler
 
 REPEATS = 400
 """Resamplings behind an interval."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Saltelli(AbstractDesign):
+class Saltelli(AbstractSampler):
     """Blocks of 2 + k rows: A_i, B_i, then A_i with column j of B_i for each factor j.
 
     Attributes:

@@ -4,9 +4,14 @@ from typing import Any
 
 import numpy as np
 
-from tuning.reporting.statistics import discordant, paired, probability, spread
-from tuning.sweep.run.campaign import Settings
-from tuning.sweep.run.rows import CHANNELS, Table
+from tuning.reporting.statistics import (
+    discordant,
+    paired_difference,
+    probability,
+    spread,
+)
+from tuning.sweep.run.campaign import CampaignSettings
+from tuning.sweep.run.rows import CHANNELS, Rows
 
 MEASURES = (
     *(
@@ -37,8 +42,8 @@ COMPARED = tuple(
 
 
 def summarise(
-    settings: Settings,
-    table: Table,
+    settings: CampaignSettings,
+    table: Rows,
     kinds: tuple[str, ...],
     waypoints: int | None,
     level: float,
@@ -83,7 +88,7 @@ def summarise(
 
 
 def probabilities(
-    table: Table, number: int, waypoints: int | None, level: float
+    table: Rows, number: int, waypoints: int | None, level: float
 ) -> dict[str, Any]:
     """How likely each kind of trouble is; a failed run counts as all of them."""
     events = {"p_violation": table.left_funnel(number)}
@@ -95,7 +100,7 @@ def probabilities(
     return {name: probability(event, level) for name, event in events.items()}
 
 
-def comparisons(table: Table) -> list[dict[str, Any]]:
+def comparisons(table: Rows) -> list[dict[str, Any]]:
     """The first set of gains against each other one, on the same members."""
     return [
         {
@@ -103,7 +108,9 @@ def comparisons(table: Table) -> list[dict[str, Any]]:
             "second": table.labels[number],
             "violation": discordant(table.left_funnel(0), table.left_funnel(number)),
             "measures": {
-                name: paired(table.column(0, name), table.column(number, name))
+                name: paired_difference(
+                    table.column(0, name), table.column(number, name)
+                )
                 for name in COMPARED
             },
         }
@@ -111,19 +118,19 @@ def comparisons(table: Table) -> list[dict[str, Any]]:
     ]
 
 
-def severity(table: Table, number: int) -> np.ndarray:
+def severity(table: Rows, number: int) -> np.ndarray:
     """The largest error over the edge of its funnel; infinite for failures."""
     peaks = [table.column(number, f"{channel}.funnel_peak") for channel in CHANNELS]
     return np.maximum.reduce(peaks)
 
 
-def ranked(table: Table, number: int) -> list[int]:
+def ranked(table: Rows, number: int) -> list[int]:
     """Numbers of the members from the least to the most severe."""
     order = np.argsort(severity(table, number), kind="stable")
     return [int(n) for n in table.rows["member"][order]]
 
 
-def numbers_of(table: Table, chosen: np.ndarray) -> list[int]:
+def numbers_of(table: Rows, chosen: np.ndarray) -> list[int]:
     """Numbers of the members chosen."""
     return [int(n) for n in table.rows["member"][chosen]]
 

@@ -10,14 +10,14 @@ from tuning.reporting.exit_codes import OK, VIOLATED
 from tuning.sweep.analysis.rank_correlations import drivers
 from tuning.sweep.analysis.sensitivity import sensitivities
 from tuning.sweep.analysis.summary import summarise
-from tuning.sweep.report.report import write_report
+from tuning.sweep.report.report import write_campaign_report
 from tuning.sweep.run.campaign import Campaign
 from tuning.sweep.run.netcdf import write_members
-from tuning.sweep.run.rows import Table
+from tuning.sweep.run.rows import Rows
 from tuning.sweep.run.store import Manifest
 
 
-def verdict(summary: dict[str, Any]) -> int:
+def exit_code(summary: dict[str, Any]) -> int:
     """The exit code that follows from the requirements."""
     broken = any(entry["verdict"] != "met" for entry in summary["requirements"])
     return VIOLATED if broken else OK
@@ -30,7 +30,7 @@ def conclude(
     manifest: Manifest,
     rows: Any,
     about: dict[str, Any],
-    runs: Table | None = None,
+    runs: Rows | None = None,
 ) -> dict[str, Any]:
     """Write everything that follows from the rows, and return the summary.
 
@@ -45,7 +45,7 @@ def conclude(
     """
     progress = Progress()
     progress.show(f"writing to {folder} ...")
-    table = Table(rows, campaign.labels)
+    table = Rows(rows, campaign.labels)
     summary = summarise(
         campaign.settings, table, campaign.kinds, campaign.waypoints, options.confidence
     )
@@ -65,7 +65,7 @@ def conclude(
     write_members(folder / "members.nc", manifest, rows, about)
     if not options.no_report:
         progress.show(f"drawing into {folder} ...")
-        write_report(folder, campaign, table, summary)
+        write_campaign_report(folder, campaign, table, summary)
     progress.clear()
     report = ", report.md and figures" if not options.no_report else ""
     note(f"{folder}: {len(rows)} members; summary.json, members.nc{report}.")

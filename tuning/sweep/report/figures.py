@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from jaxglider.plotting.style import FAINT, INK, flat, label_time, legend_above, styles
 from tuning.reporting.statistics import clopper_pearson
 from tuning.sweep.analysis.ribbons import Ribbons
-from tuning.sweep.run.rows import CHANNELS, Table
+from tuning.sweep.run.rows import CHANNELS, Rows
 
 _SHOWN = {"depth": ("m", 1.0), "pitch": ("deg", 180.0 / np.pi)}
 _SHOWN["heading"] = _SHOWN["pitch"]
@@ -65,7 +65,7 @@ def _within(axis: Axes, scale: float, seen: Ribbons, channel: str) -> None:
         axis.set_title(f"up to {largest:.3g}", loc="right", pad=3.0)
 
 
-def convergence(axis: Axes, table: Table) -> Axes:
+def convergence(axis: Axes, table: Rows) -> Axes:
     """The probability of leaving a funnel from the first n members, with interval."""
     counts = np.unique(np.geomspace(1, len(table), _POINTS).astype(int))
     for number, (label, style) in enumerate(styles(table.labels).items()):
@@ -85,7 +85,7 @@ def convergence(axis: Axes, table: Table) -> Axes:
     return axis
 
 
-def distributions(axes: Any, table: Table) -> Any:
+def distributions(axes: Any, table: Rows) -> Any:
     """How the errors of the members are distributed, one curve a set of gains.
 
     Args:
@@ -118,7 +118,7 @@ def distributions(axes: Any, table: Table) -> Any:
     return axes
 
 
-def _far(table: Table, channel: str, scale: float) -> float:
+def _far(table: Rows, channel: str, scale: float) -> float:
     """Beyond what 98 % of the members come to, with the worst set of gains."""
     ends = [
         np.sort(table.column(number, f"{channel}.rms_error"))[

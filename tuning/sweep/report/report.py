@@ -22,13 +22,13 @@ from tuning.sweep.analysis.summary import LINES, brackets, in_interval, severity
 from tuning.sweep.report import figures
 from tuning.sweep.report.sensitivity_section import blamed, sobol_figure
 from tuning.sweep.run.campaign import Campaign
-from tuning.sweep.run.rows import CHANNELS, Table, unit
+from tuning.sweep.run.rows import CHANNELS, Rows, unit
 
 _TOP = 8
 
 
-def write_report(
-    folder: Path, campaign: Campaign, table: Table, summary: dict[str, Any]
+def write_campaign_report(
+    folder: Path, campaign: Campaign, table: Rows, summary: dict[str, Any]
 ) -> None:
     """Write report.md and its figures.
 
@@ -184,7 +184,7 @@ def _picture(name: str) -> str:
 
 
 def _figures(
-    folder: Path, campaign: Campaign, table: Table, summary: dict[str, Any]
+    folder: Path, campaign: Campaign, table: Rows, summary: dict[str, Any]
 ) -> list[str]:
     """Draw; the names of the figures that stand at the end of the report."""
     folder.mkdir(parents=True, exist_ok=True)

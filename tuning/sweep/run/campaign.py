@@ -21,18 +21,18 @@ from jaxglider.simulation.scenario import Scenario
 from jaxglider.uncertainty.members import Uncertainty
 from jaxglider.uncertainty.quantities import uniform_uncertainty
 from jaxglider.uncertainty.sampling import (
-    AbstractDesign,
+    AbstractSampler,
     LatinHypercube,
     MonteCarlo,
     SobolSequence,
 )
-from tuning.problem.case import Case
+from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import MISSION, PAPER, Gains
 from tuning.problem.members import SWEEP
 
 
 @dataclasses.dataclass(frozen=True)
-class Settings:
+class CampaignSettings:
     """A campaign as told on the command line, files included.
 
     Attributes:
@@ -64,11 +64,11 @@ class Settings:
     until_ci: float | None = None
     mission: dict[str, Any] | None = None
 
-    def case(self) -> Case:
+    def case(self) -> FlightCase:
         """What is flown."""
         if self.mission is not None:
-            return Case.of_mission(build_mission(self.mission), self.duration)
-        return Case.of_paper(self.scenario, self.plant, self.dt, self.duration)
+            return FlightCase.of_mission(build_mission(self.mission), self.duration)
+        return FlightCase.of_paper(self.scenario, self.plant, self.dt, self.duration)
 
     def fingerprint(self) -> str:
         """A digest of everything that the rows depend on."""
@@ -76,7 +76,7 @@ class Settings:
         return hashlib.sha256(told.encode()).hexdigest()
 
     @classmethod
-    def of(cls, told: dict[str, Any]) -> "Settings":
+    def of(cls, told: dict[str, Any]) -> "CampaignSettings":
         """Settings from what `dataclasses.asdict` made of them."""
         gains = tuple(Gains(**entry) for entry in told["gains"])
         return cls(**{**told, "gains": gains})
@@ -95,9 +95,9 @@ class Campaign:
         stream: of the members' keys; those of another stream are others.
     """
 
-    settings: Settings
+    settings: CampaignSettings
     uncertainty: Uncertainty
-    design: AbstractDesign
+    design: AbstractSampler
     loops: tuple[ClosedLoop, ...]
     kinds: tuple[str, ...]
     stream: int = SWEEP
@@ -113,7 +113,7 @@ class Campaign:
         return self.uncertainty.scenario.reference.waypoints
 
 
-def read_settings(options: argparse.Namespace, half_width: Any) -> Settings:
+def read_settings(options: argparse.Namespace, half_width: Any) -> CampaignSettings:
     """Settings from the options of the command line.
 
     Args:
@@ -123,9 +123,9 @@ def read_settings(options: argparse.Namespace, half_width: Any) -> Settings:
     Raises:
         ValueError: a file cannot be read.
     """
-    case = Case.of_options(options)
+    case = FlightCase.of_options(options)
     words = options.gains or [MISSION if case.own is not None else PAPER]
-    return Settings(
+    return CampaignSettings(
         scenario=case.title,
         plant=case.plant,
         dt=options.dt,
@@ -150,7 +150,7 @@ def _text(half_width: float | Path) -> float | str:
         raise ConfigError(f"{half_width}: cannot be read ({error}).") from error
 
 
-def build(settings: Settings) -> Campaign:
+def build(settings: CampaignSettings) -> Campaign:
     """Put a campaign together.
 
     Raises:
@@ -161,7 +161,7 @@ def build(settings: Settings) -> Campaign:
     case = dataclasses.replace(case, scenario=uncertainty.scenario)
     kinds, loops = zip(*(case.loop(gains) for gains in settings.gains), strict=True)
     return Campaign(
-        settings, uncertainty, make_design(settings, uncertainty.names()), loops, kinds
+        settings, uncertainty, make_sampler(settings, uncertainty.names()), loops, kinds
     )
 
 
@@ -179,7 +179,7 @@ def _uncertainty(given: float | str, scenario: Scenario) -> Uncertainty:
     return uniform_uncertainty(scenario, given, given)
 
 
-def make_design(settings: Settings, names: Sequence[str]) -> AbstractDesign:
+def make_sampler(settings: CampaignSettings, names: Sequence[str]) -> AbstractSampler:
     """Where the members of a campaign lie in the unit cube."""
     if settings.design == "latin-hypercube":
         return LatinHypercube(settings.seed, len(names), settings.members)

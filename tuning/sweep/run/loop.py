@@ -9,7 +9,7 @@ from tuning.problem.members import keys_of
 from tuning.reporting.statistics import clopper_pearson
 from tuning.sweep.run.campaign import Campaign
 from tuning.sweep.run.engine import Engine
-from tuning.sweep.run.rows import Table, make_rows
+from tuning.sweep.run.rows import Rows, make_rows
 from tuning.sweep.run.store import Store
 
 STEP = 512
@@ -87,7 +87,7 @@ def enough(campaign: Campaign, store: Store) -> bool:
     wanted = campaign.settings.until_ci
     if wanted is None or store.count == 0 or store.count % STEP:
         return False
-    table = Table(store.rows(), campaign.labels)
+    table = Rows(store.rows(), campaign.labels)
     for number in range(len(campaign.labels)):
         left = int(np.sum(table.left_funnel(number)))
         low, high = clopper_pearson(left, len(table))

@@ -74,7 +74,7 @@ def checksums(rows: np.ndarray) -> np.ndarray:
     return np.asarray(sums, np.uint32)
 
 
-class Table:
+class Rows:
     """Rows read by column, runs that became non-finite never left out.
 
     A number of a run that became non-finite counts as infinite, the worst there is.

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from jaxglider.files.writing import write_json
-from tuning.sweep.run.campaign import Campaign, Settings
+from tuning.sweep.run.campaign import Campaign, CampaignSettings
 from tuning.sweep.run.rows import COLUMNS, checksums, row_type
 
 FORMAT = 1
@@ -42,7 +42,7 @@ class Manifest:
         about: versions and hardware that made the rows.
     """
 
-    settings: Settings
+    settings: CampaignSettings
     labels: tuple[str, ...]
     quantities: tuple[tuple[str, str, str], ...]
     first: int
@@ -95,7 +95,7 @@ def read_manifest(folder: Path) -> Manifest:
             raise ValueError("it was made by another version; run the sweep anew")
         quantities = tuple(tuple(entry) for entry in told["quantities"])
         manifest = Manifest(
-            Settings.of(told["settings"]),
+            CampaignSettings.of(told["settings"]),
             tuple(told["labels"]),
             quantities,
             told["first"],
