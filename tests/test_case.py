@@ -18,10 +18,10 @@ from jaxglider.files.mission import load_mission
 from jaxglider.files.results import metrics_dict
 from jaxglider.simulation.rollout import evaluate
 from jaxglider.vehicle.published import vehicle_text
+from tuning.campaign.run.campaign import build, read_settings
 from tuning.cli.parser import parser
 from tuning.problem.case import FlightCase
 from tuning.problem.problem import build_task
-from tuning.sweep.run.campaign import build, read_settings
 
 COURSE = {
     "name": "bay",

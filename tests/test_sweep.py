@@ -12,19 +12,19 @@ import pytest
 from scipy import stats
 from toy_campaign import RUN, Toy
 
+import tuning.campaign.report.conclude
+import tuning.campaign.report.report
 import tuning.cli.commands.sweep
-import tuning.sweep.report.conclude
-import tuning.sweep.report.report
 from jaxglider.simulation.rollout import simulate
 from jaxglider.uncertainty.members import with_member
+from tuning.campaign.analysis.rank_correlations import rank_correlations
+from tuning.campaign.analysis.ribbons import Ribbons, ribbons
+from tuning.campaign.run.campaign import CampaignSettings, build
+from tuning.campaign.run.engine import Engine
+from tuning.campaign.run.loop import STEP, compute, draw
+from tuning.campaign.run.rows import CHANNELS, COLUMNS, Rows, flatten, make_rows
+from tuning.campaign.run.store import Store, StoreFull, read_manifest, read_rows
 from tuning.problem.gain_sets import resolve
-from tuning.sweep.analysis.rank_correlations import rank_correlations
-from tuning.sweep.analysis.ribbons import Ribbons, ribbons
-from tuning.sweep.run.campaign import CampaignSettings, build
-from tuning.sweep.run.engine import Engine
-from tuning.sweep.run.loop import STEP, compute, draw
-from tuning.sweep.run.rows import CHANNELS, COLUMNS, Rows, flatten, make_rows
-from tuning.sweep.run.store import Store, StoreFull, read_manifest, read_rows
 
 SETTINGS = CampaignSettings(
     scenario="switching",
@@ -296,7 +296,7 @@ def test_the_report_answers_in_tables_and_figures(sweep, tmp_path, monkeypatch):
         {c: (-np.ones(4), np.ones(4)) for c in CHANNELS},
         {c: np.array([0.0, 1.0, np.nan, np.nan]) for c in CHANNELS},
     )
-    monkeypatch.setattr(tuning.sweep.report.report, "ribbons", lambda *a: seen)
+    monkeypatch.setattr(tuning.campaign.report.report, "ribbons", lambda *a: seen)
     code, out, _ = sweep(
         "sweep --precision 64 --plant printed --duration 2 --controller smc ppc "
         "--members 60 --uncertainty 0.1 0.3 --out a --require p_failure<1 --json"
@@ -375,7 +375,7 @@ def test_a_full_disk_ends_a_campaign_with_code_1(sweep, tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(tuning.sweep.report.conclude, "write_members", full)
+        patch.setattr(tuning.campaign.report.conclude, "write_members", full)
         code, _, err = sweep(RUN + "--members 1500 --out a --resume")
     assert code == 1
     assert "No space left on device); 1500 members are safe. Make room" in err

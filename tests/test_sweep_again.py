@@ -11,10 +11,10 @@ from toy_campaign import RUN
 
 import tuning.cli.commands.rerun
 import tuning.cli.commands.sweep
-from tuning.sweep.analysis.summary import ranked
-from tuning.sweep.run.engine import Engine
-from tuning.sweep.run.rows import COLUMNS, Rows, checksums, make_rows
-from tuning.sweep.run.store import read_manifest, read_rows
+from tuning.campaign.analysis.summary import ranked
+from tuning.campaign.run.engine import Engine
+from tuning.campaign.run.rows import COLUMNS, Rows, checksums, make_rows
+from tuning.campaign.run.store import read_manifest, read_rows
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import time
 import pytest
 from toy_campaign import RUN
 
-from tuning.sweep.run.store import read_manifest
+from tuning.campaign.run.store import read_manifest
 
 MEMBERS = 1500
 

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from toy_campaign import RUN
 
-import tuning.sweep.analysis.sensitivity
-import tuning.sweep.report.report
+import tuning.campaign.analysis.sensitivity
+import tuning.campaign.report.report
 from jaxglider.simulation.rollout import evaluate
 from jaxglider.uncertainty.members import with_member
 from jaxglider.uncertainty.sampling import SobolSequence
+from tuning.campaign.analysis.derivatives import gradient_scores
+from tuning.campaign.analysis.sensitivity import agreement
+from tuning.campaign.analysis.sobol import Saltelli, indices
+from tuning.campaign.run.campaign import CampaignSettings, build
+from tuning.campaign.run.loop import draw
 from tuning.problem.gain_sets import resolve
 from tuning.problem.members import SENSITIVITY, SWEEP, keys_of
-from tuning.sweep.analysis.derivatives import gradient_scores
-from tuning.sweep.analysis.sensitivity import agreement
-from tuning.sweep.analysis.sobol import Saltelli, indices
-from tuning.sweep.run.campaign import CampaignSettings, build
-from tuning.sweep.run.loop import draw
 
 
 def ishigami(u, a=7.0, b=0.1):
@@ -140,9 +140,9 @@ def test_gradient_scores_are_differences_of_the_rollout():
 
 def test_a_sweep_says_what_is_to_blame(sweep, tmp_path, monkeypatch):
     monkeypatch.setattr(
-        tuning.sweep.analysis.sensitivity, "gradient_scores", lambda *a: {}
+        tuning.campaign.analysis.sensitivity, "gradient_scores", lambda *a: {}
     )
-    monkeypatch.setattr(tuning.sweep.report.report, "ribbons", None)
+    monkeypatch.setattr(tuning.campaign.report.report, "ribbons", None)
     code, out, _ = sweep(RUN + "--members 40 --sensitivity 16 --out a --json")
     assert code == 0
     found = json.loads(out)["controllers"]["smc"]["sensitivity"]

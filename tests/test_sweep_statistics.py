@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tuning.campaign.analysis.rank_correlations import rank_correlations
+from tuning.campaign.analysis.summary import LINES, text_summary
+from tuning.campaign.run.rows import CHANNELS
 from tuning.reporting.statistics import (
     clopper_pearson,
     cvar,
@@ -14,9 +17,6 @@ from tuning.reporting.statistics import (
     spread,
     student_half_width,
 )
-from tuning.sweep.analysis.rank_correlations import rank_correlations
-from tuning.sweep.analysis.summary import LINES, text_summary
-from tuning.sweep.run.rows import CHANNELS
 
 
 @pytest.mark.parametrize(

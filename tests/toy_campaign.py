@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tuning.sweep.run.loop import STEP
-from tuning.sweep.run.rows import COLUMNS
+from tuning.campaign.run.loop import STEP
+from tuning.campaign.run.rows import COLUMNS
 
 RUN = "sweep --no-report --precision 64 --plant printed --duration 2 --controller smc "
 """The command of a short campaign, but for members and folder."""

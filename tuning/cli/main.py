@@ -101,7 +101,7 @@ def _check(options: argparse.Namespace) -> int:
 
 def _sweep(options: argparse.Namespace) -> int:
     start_jax(options.precision, every_core=True)
-    from tuning.sweep.run.hosts import join_hosts
+    from tuning.campaign.run.hosts import join_hosts
 
     join_hosts(options)
     from tuning.cli.commands.sweep import sweep

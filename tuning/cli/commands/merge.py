@@ -4,14 +4,14 @@ import argparse
 import sys
 
 from jaxglider.files.writing import provenance
-from tuning.reporting.console import print_result
-from tuning.sweep.analysis.summary import MEASURES, text_summary
-from tuning.sweep.report.conclude import conclude, exit_code
-from tuning.sweep.run.campaign import build
-from tuning.sweep.run.shards import join, read_shards
-from tuning.sweep.run.store import (
+from tuning.campaign.analysis.summary import MEASURES, text_summary
+from tuning.campaign.report.conclude import conclude, exit_code
+from tuning.campaign.run.campaign import build
+from tuning.campaign.run.shards import join, read_shards
+from tuning.campaign.run.store import (
     read_rows,
 )
+from tuning.reporting.console import print_result
 
 
 def merge(options: argparse.Namespace) -> int:

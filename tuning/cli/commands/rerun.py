@@ -21,14 +21,14 @@ from jaxglider.files.writing import provenance, write_json
 from jaxglider.plotting import save_all
 from jaxglider.simulation.rollout import Trajectory, simulate
 from jaxglider.uncertainty.members import Member, with_member
+from tuning.campaign.analysis.summary import ranked
+from tuning.campaign.run.campaign import Campaign, build
+from tuning.campaign.run.engine import Engine
+from tuning.campaign.run.loop import compute, draw
+from tuning.campaign.run.rows import COLUMNS, Rows, flatten, unit
+from tuning.campaign.run.store import Manifest, read_manifest, read_rows, whole_rows
 from tuning.reporting.console import Progress, check_writable, note, print_result
 from tuning.reporting.tables import text_table
-from tuning.sweep.analysis.summary import ranked
-from tuning.sweep.run.campaign import Campaign, build
-from tuning.sweep.run.engine import Engine
-from tuning.sweep.run.loop import compute, draw
-from tuning.sweep.run.rows import COLUMNS, Rows, flatten, unit
-from tuning.sweep.run.store import Manifest, read_manifest, read_rows, whole_rows
 
 
 def rerun(options: argparse.Namespace) -> int:

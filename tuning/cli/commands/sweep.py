@@ -7,18 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from jaxglider.files.writing import provenance
-from tuning.reporting.console import Progress, check_writable, note, print_result
-from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED, VIOLATED
-from tuning.sweep.analysis.sensitivity import run_blocks
-from tuning.sweep.analysis.summary import MEASURES, text_summary
-from tuning.sweep.report.conclude import conclude, exit_code
-from tuning.sweep.report.levels import write_levels
-from tuning.sweep.run.campaign import Campaign, build, read_settings
-from tuning.sweep.run.engine import Engine
-from tuning.sweep.run.hosts import gathered
-from tuning.sweep.run.loop import continues, draw, run_campaign
-from tuning.sweep.run.rows import Rows
-from tuning.sweep.run.store import (
+from tuning.campaign.analysis.sensitivity import run_blocks
+from tuning.campaign.analysis.summary import MEASURES, text_summary
+from tuning.campaign.report.conclude import conclude, exit_code
+from tuning.campaign.report.levels import write_levels
+from tuning.campaign.run.campaign import Campaign, build, read_settings
+from tuning.campaign.run.engine import Engine
+from tuning.campaign.run.hosts import gathered
+from tuning.campaign.run.loop import continues, draw, run_campaign
+from tuning.campaign.run.rows import Rows
+from tuning.campaign.run.store import (
     Manifest,
     Store,
     StoreFull,
@@ -26,6 +24,8 @@ from tuning.sweep.run.store import (
     prepare,
     read_rows,
 )
+from tuning.reporting.console import Progress, check_writable, note, print_result
+from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED, VIOLATED
 
 
 def sweep(options: argparse.Namespace) -> int:

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from tuning.campaign.analysis.requirements import requirement
 from tuning.cli.options.arguments import (
     CONTROLLERS,
     add_case,
@@ -14,7 +15,6 @@ from tuning.cli.options.arguments import (
     uncertainty,
     whole,
 )
-from tuning.sweep.analysis.requirements import requirement
 
 DESIGNS = ("monte-carlo", "latin-hypercube", "sobol")
 

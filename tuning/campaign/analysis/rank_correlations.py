@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from tuning.sweep.analysis.summary import severity
-from tuning.sweep.run.rows import CHANNELS, Rows
+from tuning.campaign.analysis.summary import severity
+from tuning.campaign.run.rows import CHANNELS, Rows
 
 SEVERITY = "severity"
 """Name of the largest error over the edge of its funnel, over all channels."""

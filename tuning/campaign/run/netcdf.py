@@ -8,8 +8,8 @@ import netCDF4
 import numpy as np
 
 from jaxglider.files.writing import replacing
-from tuning.sweep.run.rows import COLUMNS, FLAGS, unit
-from tuning.sweep.run.store import Manifest
+from tuning.campaign.run.rows import COLUMNS, FLAGS, unit
+from tuning.campaign.run.store import Manifest
 
 
 def write_members(

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from tuning.reporting.console import check_writable, note
-from tuning.sweep.run.store import (
+from tuning.campaign.run.store import (
     Manifest,
     opened,
     read_manifest,
     read_rows,
     whole_rows,
 )
+from tuning.reporting.console import check_writable, note
 
 _AT_ONCE = 4096
 

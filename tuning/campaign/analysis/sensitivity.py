@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from tuning.campaign.analysis.derivatives import gradient_scores
+from tuning.campaign.analysis.rank_correlations import OUTPUTS, output
+from tuning.campaign.analysis.sobol import Saltelli, indices
+from tuning.campaign.run.campaign import Campaign
+from tuning.campaign.run.engine import Engine
+from tuning.campaign.run.loop import run_campaign
+from tuning.campaign.run.rows import Rows
+from tuning.campaign.run.store import Store
 from tuning.problem.members import SENSITIVITY
-from tuning.sweep.analysis.derivatives import gradient_scores
-from tuning.sweep.analysis.rank_correlations import OUTPUTS, output
-from tuning.sweep.analysis.sobol import Saltelli, indices
-from tuning.sweep.run.campaign import Campaign
-from tuning.sweep.run.engine import Engine
-from tuning.sweep.run.loop import run_campaign
-from tuning.sweep.run.rows import Rows
-from tuning.sweep.run.store import Store
 
 CHANCE = "chance"
 """Name of what is left to chance within a run, as a factor."""

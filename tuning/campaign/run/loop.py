@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 
 from jaxglider.uncertainty.members import Member
+from tuning.campaign.run.campaign import Campaign
+from tuning.campaign.run.engine import Engine
+from tuning.campaign.run.rows import Rows, make_rows
+from tuning.campaign.run.store import Store
 from tuning.problem.members import keys_of
 from tuning.reporting.statistics import clopper_pearson
-from tuning.sweep.run.campaign import Campaign
-from tuning.sweep.run.engine import Engine
-from tuning.sweep.run.rows import Rows, make_rows
-from tuning.sweep.run.store import Store
 
 STEP = 512
 """Members after which `--until-ci` looks, on any number of devices."""

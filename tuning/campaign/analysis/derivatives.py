@@ -14,9 +14,9 @@ from jaxglider.core.batching import map_members
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import evaluate
 from jaxglider.uncertainty.members import Member, with_member
-from tuning.sweep.run.campaign import Campaign
-from tuning.sweep.run.loop import draw
-from tuning.sweep.run.rows import CHANNELS
+from tuning.campaign.run.campaign import Campaign
+from tuning.campaign.run.loop import draw
+from tuning.campaign.run.rows import CHANNELS
 
 MEMBERS = 64
 _BLOCK = 32

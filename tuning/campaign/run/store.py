@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from jaxglider.files.writing import write_json
-from tuning.sweep.run.campaign import Campaign, CampaignSettings
-from tuning.sweep.run.rows import COLUMNS, checksums, row_type
+from tuning.campaign.run.campaign import Campaign, CampaignSettings
+from tuning.campaign.run.rows import COLUMNS, checksums, row_type
 
 FORMAT = 1
 _AT_ONCE = 4096

@@ -19,7 +19,7 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.rollout import evaluate
 from jaxglider.uncertainty.members import Member, with_member
-from tuning.sweep.run.rows import flatten
+from tuning.campaign.run.rows import flatten
 
 PIECE = 256
 """Members in a piece: on a CPU 256 to 1024 are equally fast, 64 a tenth slower."""

@@ -6,10 +6,10 @@ from typing import Any
 from jaxglider.files.writing import write_json, write_text
 from jaxglider.plotting.save import save
 from jaxglider.plotting.style import COLUMN, look, new_figure
+from tuning.campaign.analysis.rank_correlations import SEVERITY
+from tuning.campaign.analysis.summary import in_interval
+from tuning.campaign.report import figures
 from tuning.reporting.tables import markdown_table
-from tuning.sweep.analysis.rank_correlations import SEVERITY
-from tuning.sweep.analysis.summary import in_interval
-from tuning.sweep.report import figures
 
 _EVENTS = {
     "p_violation": "left a funnel",

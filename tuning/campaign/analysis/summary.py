@@ -4,14 +4,14 @@ from typing import Any
 
 import numpy as np
 
+from tuning.campaign.run.campaign import CampaignSettings
+from tuning.campaign.run.rows import CHANNELS, Rows
 from tuning.reporting.statistics import (
     discordant,
     paired_difference,
     probability,
     spread,
 )
-from tuning.sweep.run.campaign import CampaignSettings
-from tuning.sweep.run.rows import CHANNELS, Rows
 
 MEASURES = (
     *(

@@ -5,16 +5,16 @@ from pathlib import Path
 from typing import Any
 
 from jaxglider.files.writing import write_json
+from tuning.campaign.analysis.rank_correlations import drivers
+from tuning.campaign.analysis.sensitivity import sensitivities
+from tuning.campaign.analysis.summary import summarise
+from tuning.campaign.report.report import write_campaign_report
+from tuning.campaign.run.campaign import Campaign
+from tuning.campaign.run.netcdf import write_members
+from tuning.campaign.run.rows import Rows
+from tuning.campaign.run.store import Manifest
 from tuning.reporting.console import Progress, note
 from tuning.reporting.exit_codes import OK, VIOLATED
-from tuning.sweep.analysis.rank_correlations import drivers
-from tuning.sweep.analysis.sensitivity import sensitivities
-from tuning.sweep.analysis.summary import summarise
-from tuning.sweep.report.report import write_campaign_report
-from tuning.sweep.run.campaign import Campaign
-from tuning.sweep.run.netcdf import write_members
-from tuning.sweep.run.rows import Rows
-from tuning.sweep.run.store import Manifest
 
 
 def exit_code(summary: dict[str, Any]) -> int:

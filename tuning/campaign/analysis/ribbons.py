@@ -12,9 +12,9 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import roll
 from jaxglider.simulation.tick import Carry, TickInput
 from jaxglider.uncertainty.members import Member, with_member
-from tuning.sweep.run.campaign import Campaign
-from tuning.sweep.run.loop import draw
-from tuning.sweep.run.rows import CHANNELS
+from tuning.campaign.run.campaign import Campaign
+from tuning.campaign.run.loop import draw
+from tuning.campaign.run.rows import CHANNELS
 
 MEMBERS = 256
 """Whose errors the ribbons are made of."""

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxglider.plotting.style import PAGE, distinct_styles, legend_above, new_figure
+from tuning.campaign.analysis.rank_correlations import LEFT, SEVERITY
+from tuning.campaign.analysis.summary import brackets, short
+from tuning.campaign.report import figures
 from tuning.reporting.tables import markdown_table
-from tuning.sweep.analysis.rank_correlations import LEFT, SEVERITY
-from tuning.sweep.analysis.summary import brackets, short
-from tuning.sweep.report import figures
 
 _TOP = 8
 _DRAWN = {LEFT: "leaving a funnel", SEVERITY: "the severity"}

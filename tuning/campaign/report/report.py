@@ -15,14 +15,20 @@ from jaxglider.plotting.style import (
     new_figure,
     styles,
 )
+from tuning.campaign.analysis.rank_correlations import SEVERITY
+from tuning.campaign.analysis.ribbons import ribbons
+from tuning.campaign.analysis.summary import (
+    LINES,
+    brackets,
+    in_interval,
+    severity,
+    short,
+)
+from tuning.campaign.report import figures
+from tuning.campaign.report.sensitivity_section import blamed, sobol_figure
+from tuning.campaign.run.campaign import Campaign
+from tuning.campaign.run.rows import CHANNELS, Rows, unit
 from tuning.reporting.tables import markdown_table
-from tuning.sweep.analysis.rank_correlations import SEVERITY
-from tuning.sweep.analysis.ribbons import ribbons
-from tuning.sweep.analysis.summary import LINES, brackets, in_interval, severity, short
-from tuning.sweep.report import figures
-from tuning.sweep.report.sensitivity_section import blamed, sobol_figure
-from tuning.sweep.run.campaign import Campaign
-from tuning.sweep.run.rows import CHANNELS, Rows, unit
 
 _TOP = 8
 
