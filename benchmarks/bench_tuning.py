@@ -32,9 +32,9 @@ from search_runs import CMA, DESCENT, LOOKS, RANDOM, Run, draw, summary, table
 
 from jaxglider import map_members, paper
 from jaxglider.files.writing import provenance
-from tuning.cli.parser import parser as tune_parser
 from tuning.problem.lanes import member_count
-from tuning.problem.problem import TuningProblem, build_task
+from tuning.problem.problem import TuningProblem
+from tuning.problem.spec import EnsembleSpec, ProblemSpec
 from tuning.reporting.statistics import plain
 from tuning.search.descent import Descent, scattered
 from tuning.search.evolution import cma_es, default_population, random_search
@@ -42,73 +42,67 @@ from tuning.search.rescue import is_lost, promising_gains
 from tuning.search.settings import DescentSettings
 
 
-@dataclasses.dataclass(frozen=True)
-class Problem:
-    """What is tuned, from where, and the problem in words."""
-
-    task: TuningProblem
-    start: Any
-    about: str
-
-    @property
-    def member_count(self) -> int:
-        """Number of members."""
-        return member_count(self.task.training)
-
-
-def make_problem(options: argparse.Namespace) -> Problem:
+def make_problem(options: argparse.Namespace) -> TuningProblem:
     """The problem that `jaxglider tune` would set itself with these options."""
-    words = [
-        *("tune", "--scenario", options.scenario, "--plant", options.plant),
-        *("--members", str(options.members), "--validation", "1", "--test", "1"),
-    ]
-    if options.duration is not None:
-        words += ["--duration", str(options.duration)]
-    if options.paths:
-        words += ["--free", *options.paths]
-    task = build_task(tune_parser().parse_args(words))
-    return Problem(
-        task,
-        task.space.read(task.loop),
-        f"{options.scenario} on {options.plant}, objective of `jaxglider tune`",
+    spec = ProblemSpec.of_paper(
+        options.scenario,
+        options.plant,
+        "fxtppc" if options.plant == "printed" else "fxtppc-roll",
+        duration=options.duration,
+        free=tuple(options.paths or ()),
+        ensemble=EnsembleSpec(training=options.members, validation=1, test=1),
     )
+    return TuningProblem.of(spec)
 
 
-def make_losses(problem: Problem) -> Callable[[Any], Any]:
+def start_of(problem: TuningProblem) -> Any:
+    """The free numbers that every method starts from."""
+    return problem.space.read(problem.loop)
+
+
+def about(problem: TuningProblem) -> str:
+    """The problem in words."""
+    case = problem.spec.case
+    return f"{case.title} on {case.plant}, objective of `jaxglider tune`"
+
+
+def make_losses(problem: TuningProblem) -> Callable[[Any], Any]:
     """The compiled losses of a batch of free numbers, members as further lanes."""
 
     @jax.jit
     def losses(frees: Any) -> Any:
         count = frees.shape[0]
         lanes = (
-            jnp.repeat(frees, problem.size, axis=0),
+            jnp.repeat(frees, member_count(problem.training), axis=0),
             jax.tree.map(
                 lambda x: jnp.tile(x, (count,) + (1,) * (x.ndim - 1)),
-                problem.task.training,
+                problem.training,
             ),
         )
-        costs = map_members(lambda lane: problem.task.loss(*lane), lanes)
-        table = costs.reshape(count, problem.size)
-        return jax.vmap(lambda row: problem.task.aggregate(row)[0])(table)
+        costs = map_members(lambda lane: problem.loss(*lane), lanes)
+        table = costs.reshape(count, member_count(problem.training))
+        return jax.vmap(lambda row: problem.spec.aggregate(row)[0])(table)
 
     return losses
 
 
-def run_descent(descent: Descent, problem: Problem, seed: int) -> Run:
+def run_descent(descent: Descent, problem: TuningProblem, seed: int) -> Run:
     """Descend to the end of the steps, from a start that is found first if need be."""
     seeded = copy.copy(descent)
     seeded.settings = dataclasses.replace(descent.settings, seed=seed)
-    cost = descent.settings.gradient_cost(problem.size, problem.task.aggregate)
+    cost = descent.settings.gradient_cost(
+        member_count(problem.training), problem.spec.aggregate
+    )
     run, begun = Run(), time.perf_counter()
-    state = seeded.start(problem.start)
+    state = seeded.start(start_of(problem))
     spent = cost
-    first = float(state.loss[0])
-    run.note(spent, time.perf_counter() - begun, first, problem.start)
-    if is_lost(state.loss, problem.task.unit):
-        found = promising_gains(problem.task, problem.start, first, seed)
+    first = float(state.current.loss[0])
+    run.note(spent, time.perf_counter() - begun, first, start_of(problem))
+    if is_lost(state.current.loss, problem.cost_scale):
+        found = promising_gains(problem, start_of(problem), first, seed)
         state = seeded.start(found.free)
         spent += found.rollouts + cost
-        now = float(state.loss[0])
+        now = float(state.current.loss[0])
         run.note(spent, time.perf_counter() - begun, now, found.free)
     for _, step in seeded.run(state):
         spent += cost
@@ -125,36 +119,36 @@ def run_search(steps: Iterator[Any]) -> Run:
     return run
 
 
-def compare(problem: Problem, options: argparse.Namespace) -> tuple[Any, Any]:
+def compare(problem: TuningProblem, options: argparse.Namespace) -> tuple[Any, Any]:
     """All runs by method, and the seconds to compile."""
-    population = options.population or default_population(problem.start.size)
+    population = options.population or default_population(start_of(problem).size)
     losses = make_losses(problem)
     descent = Descent(
-        problem.task.loss,
-        problem.task.training,
-        jax.tree.map(lambda x: x[:1], problem.task.training),
+        problem.loss,
+        problem.training,
+        jax.tree.map(lambda x: x[:1], problem.training),
         DescentSettings(
             steps=options.steps, patience=options.steps, copies=options.copies
         ),
-        problem.task.aggregate,
-        guide=problem.task.guide,
-        unit=problem.task.unit,
+        problem.spec.aggregate,
+        surrogate_loss=problem.surrogate_loss,
+        cost_scale=problem.cost_scale,
     )
 
     def search(method: Any, spread: float, seed: int) -> Iterator[Any]:
         return method(
             losses,
-            problem.start,
+            start_of(problem),
             options.budget,
             population,
             spread,
             seed,
-            members=problem.size,
+            members=member_count(problem.training),
         )
 
     compile_s = {
-        DESCENT: seconds(lambda: descent.advance(descent.start(problem.start))),
-        CMA: seconds(lambda: losses(jnp.tile(problem.start, (population, 1)))),
+        DESCENT: seconds(lambda: descent.advance(descent.start(start_of(problem)))),
+        CMA: seconds(lambda: losses(jnp.tile(start_of(problem), (population, 1)))),
     }
     compile_s[RANDOM] = compile_s[CMA]
     next(search(cma_es, options.cma_spread, 0))
@@ -225,14 +219,14 @@ def main() -> None:
     problem = make_problem(options)
     runs, compile_s = compare(problem, options)
     result = summary(runs, compile_s)
-    about = provenance(
-        problem=problem.about,
-        names=problem.task.space.names,
-        members=problem.size,
+    made_by = provenance(
+        problem=about(problem),
+        names=problem.space.names,
+        members=member_count(problem.training),
         settings={k: v for k, v in vars(options).items() if k not in ("out", "json")},
     )
     if options.out is not None:
-        draw(runs, problem.about, options.out)
+        draw(runs, about(problem), options.out)
     if options.json:
         curves = {
             name: [
@@ -246,13 +240,14 @@ def main() -> None:
             ]
             for name, group in runs.items()
         }
-        report = {**result, "curves": curves, "provenance": about}
+        report = {**result, "curves": curves, "provenance": made_by}
         print(json.dumps(report, indent=2, allow_nan=False))
         return
-    machine = about["hardware"]
+    machine = made_by["hardware"]
     print(
         f"{machine['processor']}, {machine['cores']} cores, float{options.precision}; "
-        f"{problem.about}; {problem.size} members, {problem.start.size} numbers"
+        f"{about(problem)}; {member_count(problem.training)} members, "
+        f"{start_of(problem).size} numbers"
     )
     print(table(result, options.seeds))
 

@@ -20,11 +20,11 @@ from typing import Any
 
 from jaxglider.files.writing import replacing, write_text
 from tuning.cli.options.arguments import CONTROLLERS, PLANTS, SCENARIOS
-from tuning.cli.parser import parser as tune_parser
 from tuning.cli.session.jax_setup import start_jax
-from tuning.evaluation.held_out import Judge, verdict
+from tuning.evaluation.held_out import Judge, compare_held_out
 from tuning.evaluation.runs import LABELS
-from tuning.problem.problem import build_task
+from tuning.problem.problem import TuningProblem
+from tuning.problem.spec import ProblemSpec
 
 STARTS = Path("benchmarks", "starts")
 PACKAGE = Path(__file__).parent.parent / "jaxglider" / "paper" / "tuned"
@@ -76,13 +76,13 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _words(name: str, *, from_start: bool) -> tuple[str, ...]:
-    """Of the command that tunes a case, from its start or from the paper's gains."""
+def _words(name: str) -> tuple[str, ...]:
+    """Words of the command that tunes a case, from its start if it has one."""
     scenario, plant, controller = CASES[name]
     words = ["tune", "--scenario", scenario, "--plant", plant]
     words += ["--controller", controller]
     start = STARTS / f"{name}.toml"
-    if from_start and start.is_file():
+    if start.is_file():
         words += ["--gains", str(start)]
     objective = STARTS / f"{scenario}-{plant}-objective.toml"
     if objective.is_file():
@@ -100,7 +100,7 @@ def _file(name: str) -> Path:
 
 
 def _tune(name: str, out: Path, more: list[str]) -> int:
-    words = (*_words(name, from_start=True), "--steps", "200", *more, "--out", str(out))
+    words = (*_words(name), "--steps", "200", *more, "--out", str(out))
     command = (sys.executable, "-m", "tuning", *words)
     sys.stderr.write(f"{name}\n")
     done = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
@@ -114,12 +114,14 @@ def _judge(name: str) -> dict[str, Any]:
     """The gains of the package against the paper's."""
     scenario, plant, controller = CASES[name]
     sys.stderr.write(f"judging {name}\n")
-    task = build_task(tune_parser().parse_args(_words(name, from_start=False)))
-    (gains,) = task.case.resolve([str(_file(name))], [controller])
-    _, tuned = task.case.loop(gains)
+    paper = ProblemSpec.of_paper(scenario, plant, controller)
+    problem = TuningProblem.of(paper)
+    (gains,) = paper.case.resolve([str(_file(name))], [controller])
+    _, tuned = paper.case.loop(gains)
     about = {"scenario": scenario, "plant": plant, "controller": controller}
-    judge = Judge(task)
-    return about | verdict(task, judge(task.loop), judge(tuned))
+    judge = Judge(problem)
+    verdict = compare_held_out(problem, judge(problem.loop), judge(tuned))
+    return about | verdict.to_dict()
 
 
 def _table(results: list[dict[str, Any]]) -> str:

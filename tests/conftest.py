@@ -80,12 +80,12 @@ def sweep(tmp_path, monkeypatch, capsys):
     """Runs a sweep with toy rollouts; returns exit code, output and complaints."""
     from toy_campaign import Toy
 
-    import tuning.cli.commands.sweep
+    import tuning.campaign.execute
     import tuning.cli.main
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tuning.cli.main, "start_jax", lambda *a, **k: None)
-    monkeypatch.setattr(tuning.cli.commands.sweep, "Engine", Toy)
+    monkeypatch.setattr(tuning.campaign.execute, "Engine", Toy)
 
     def run(text):
         try:

@@ -42,6 +42,7 @@ ROOMS = (
     "tuning.campaign.report",
     "tuning.campaign",
     "tuning.evaluation",
+    "tuning.api",
     "tuning",
     "tuning.cli.options",
     "tuning.cli.session",

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-import tuning.cli.commands.tune
+import tuning.api.tune
 from jaxglider import paper
 from jaxglider.environment.disturbances import Sum
 from jaxglider.files.gains import encode_law, load_gains
@@ -18,10 +18,14 @@ from jaxglider.files.mission import load_mission
 from jaxglider.files.results import metrics_dict
 from jaxglider.simulation.rollout import evaluate
 from jaxglider.vehicle.published import vehicle_text
-from tuning.campaign.run.campaign import build, read_settings
+from tuning.campaign.run.campaign import build
 from tuning.cli.parser import parser
+from tuning.cli.session.from_options import (
+    campaign_settings,
+    flight_case,
+    problem_spec,
+)
 from tuning.problem.case import FlightCase
-from tuning.problem.problem import build_task
 
 COURSE = {
     "name": "bay",
@@ -52,34 +56,38 @@ def _options(*words):
 
 
 def test_what_is_tuned_is_the_mission_of_the_file():
-    task = build_task(_options("tune", "--members", "1"))
+    spec = problem_spec(_options("tune", "--members", "1"))
     mission = load_mission("bay.toml")
-    assert (task.case.title, task.case.kind, task.kind) == ("bay", "waypoints", "smc")
+    assert (spec.case.title, spec.case.kind, spec.controller) == (
+        "bay",
+        "waypoints",
+        "smc",
+    )
     # But for the funnel it is judged by, which was the controller's own.
     loop = eqx.tree_at(
-        lambda at: at.scenario.funnel, task.loop, None, is_leaf=lambda x: x is None
+        lambda at: at.scenario.funnel, spec.loop, None, is_leaf=lambda x: x is None
     )
     assert eqx.tree_equal(loop, mission.loop)
-    assert eqx.tree_equal(task.loop.scenario.funnel, mission.loop.controller.funnel)
+    assert eqx.tree_equal(spec.loop.scenario.funnel, mission.loop.controller.funnel)
 
 
 def test_another_law_can_be_tuned_for_the_same_mission():
-    task = build_task(_options("tune", "--members", "1", "--controller", "fxtppc"))
+    spec = problem_spec(_options("tune", "--members", "1", "--controller", "fxtppc"))
     model = load_mission("bay.toml").loop.controller.model
     wanted = paper.make_controller("fxtppc", "waypoints", model)
-    assert task.kind == "fxtppc"
-    assert eqx.tree_equal(task.loop.controller, wanted)
+    assert spec.controller == "fxtppc"
+    assert eqx.tree_equal(spec.loop.controller, wanted)
 
 
 def test_a_funnel_of_the_mission_is_what_is_judged_by(tmp_path):
     funnel = {"performance": {"heading": {"final_bound_rad": 0.6}}}
     (tmp_path / "bay.toml").write_text(tomli_w.dumps(COURSE | {"funnel": funnel}))
-    case = FlightCase.of_options(_options("tune"))
+    case = flight_case(_options("tune"))
     assert float(case.scenario.funnel.performance.heading.final_bound) == 0.6
 
 
 def test_the_horizon_alone_can_be_given_beside_a_mission():
-    clock = FlightCase.of_options(_options("tune", "--duration", "2")).scenario.clock
+    clock = flight_case(_options("tune", "--duration", "2")).scenario.clock
     assert (clock.ticks, float(clock.dt)) == (20, 0.1)
 
 
@@ -102,7 +110,7 @@ def test_gains_of_a_mission_need_one(call):
 def test_guidance_tuned_for_a_mission_comes_back_with_its_gains(
     call, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(tuning.cli.commands.tune, "write_report", lambda *args: None)
+    monkeypatch.setattr(tuning.api.tune, "write_tuning_report", lambda *args: None)
     code, out, err = call(
         *("tune", "--config", "bay.toml", "--members", "1", "--method", "random"),
         *("--free", "scenario.reference.line_of_sight", "controller.c1"),
@@ -139,10 +147,11 @@ def test_guidance_tuned_for_a_mission_comes_back_with_its_gains(
 
 
 def test_going_on_with_another_vehicle_is_refused(tmp_path):
-    before = tuning.cli.commands.tune.fingerprint(_options("tune"))
-    assert before == tuning.cli.commands.tune.fingerprint(_options("tune"))
-    (tmp_path / "own.toml").write_text(vehicle_text("seawing"))
-    assert before != tuning.cli.commands.tune.fingerprint(_options("tune"))
+    before = problem_spec(_options("tune")).fingerprint()
+    assert before == problem_spec(_options("tune")).fingerprint()
+    other = vehicle_text("seawing").replace("value = -389.30", "value = -300.0", 1)
+    (tmp_path / "own.toml").write_text(other)
+    assert before != problem_spec(_options("tune")).fingerprint()
 
 
 def test_going_on_with_another_cost_is_refused(tmp_path):
@@ -151,7 +160,7 @@ def test_going_on_with_another_cost_is_refused(tmp_path):
     digests = set()
     for text in ("f = max", "f = min", "f = min"):
         cost.write_text(text)
-        digests.add(tuning.cli.commands.tune.fingerprint(options))
+        digests.add(problem_spec(options).fingerprint())
     assert len(digests) == 2
 
 
@@ -165,7 +174,9 @@ def test_a_campaign_keeps_its_mission_whole(sweep, tmp_path):
     assert (summary["scenario"], summary["plant"]) == ("bay", "rigid-body")
     assert list(summary["controllers"]) == ["smc (mission)", "fxtppc"]
     assert summary["has_waypoints"] is True
-    settings = read_settings(_options("sweep", "--controller", "smc"), half_width=0.2)
+    settings = campaign_settings(
+        _options("sweep", "--controller", "smc"), half_width=0.2
+    )
     assert [gains.label for gains in settings.gains] == ["smc (mission)"]
     mission = load_mission("bay.toml")
     for name in ("bay.toml", "own.toml"):

@@ -13,9 +13,9 @@ import netCDF4
 import numpy as np
 import pytest
 
+import tuning.api.tune
 import tuning.cli.commands.compare
 import tuning.cli.commands.simulate
-import tuning.cli.commands.tune
 import tuning.cli.main
 import tuning.cli.parser
 import tuning.evaluation.runs
@@ -461,7 +461,7 @@ def test_running_out_of_memory_is_told_in_one_line(call, monkeypatch):
 def test_tuned_gains_are_written_and_compared_by_their_folder(
     call, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(tuning.cli.commands.tune, "write_report", lambda *args: None)
+    monkeypatch.setattr(tuning.api.tune, "write_tuning_report", lambda *args: None)
     # The law without an observer compiles fastest.
     code, out, err = call(
         *("tune", "--controller", "smc", "--plant", "printed", "--members", "1"),

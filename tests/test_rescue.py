@@ -6,8 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tuning.problem.aggregates import Mean
 from tuning.problem.lanes import FAILED, losses
-from tuning.problem.objective import UNIT, Aggregate
+from tuning.problem.objective import UNIT
 from tuning.search.rescue import DRAWS, ENOUGH, GENERATIONS, is_lost, promising_gains
 
 MEMBERS = 3
@@ -18,9 +19,9 @@ def task(loss):
     each = lambda free, member: loss(free) + 0.0 * member
     return SimpleNamespace(
         training=members,
-        unit=UNIT,
+        cost_scale=UNIT,
         losses_on=lambda members: (
-            lambda rows: losses(each, rows, members, Aggregate(), UNIT)
+            lambda rows: losses(each, rows, members, Mean(), UNIT)
         ),
     )
 

@@ -12,9 +12,9 @@ import pytest
 from scipy import stats
 from toy_campaign import RUN, Toy
 
+import tuning.campaign.execute
 import tuning.campaign.report.conclude
 import tuning.campaign.report.report
-import tuning.cli.commands.sweep
 from jaxglider.simulation.rollout import simulate
 from jaxglider.uncertainty.members import with_member
 from tuning.campaign.analysis.rank_correlations import rank_correlations
@@ -146,7 +146,7 @@ def test_shards_and_resumed_campaigns_have_the_rows_of_the_whole(
                 raise KeyboardInterrupt
             return super().run(members)
 
-    monkeypatch.setattr(tuning.cli.commands.sweep, "Engine", Interrupted)
+    monkeypatch.setattr(tuning.campaign.execute, "Engine", Interrupted)
     code, _, err = sweep(RUN + "--members 1500 --out cut")
     assert code == 130
     assert "1024 members are safe" in err
@@ -157,7 +157,7 @@ def test_shards_and_resumed_campaigns_have_the_rows_of_the_whole(
     broken = bytearray(file.read_bytes() + whole[:100])
     broken[1000 * size + 40] ^= 1
     file.write_bytes(broken)
-    monkeypatch.setattr(tuning.cli.commands.sweep, "Engine", Toy)
+    monkeypatch.setattr(tuning.campaign.execute, "Engine", Toy)
     code, _, err = sweep(RUN + "--members 1500 --out cut --resume")
     assert code == 0
     assert f"cut off {24 * size + 100} bytes" in err
@@ -174,7 +174,7 @@ def test_going_on_with_other_code_is_noticed(sweep, tmp_path, monkeypatch):
     half = whole[: len(whole) // 2]
     for engine, noticed in ((Toy, False), (Changed, True)):
         (tmp_path / "a/rows.bin").write_bytes(half)
-        monkeypatch.setattr(tuning.cli.commands.sweep, "Engine", engine)
+        monkeypatch.setattr(tuning.campaign.execute, "Engine", engine)
         code, _, err = sweep(RUN + "--members 1500 --out a --resume")
         assert code == 0
         assert ("comes out differently" in err) == noticed
@@ -183,7 +183,7 @@ def test_going_on_with_other_code_is_noticed(sweep, tmp_path, monkeypatch):
 
 def test_a_finished_campaign_is_not_computed_again(sweep, tmp_path, monkeypatch):
     assert sweep(RUN + "--members 600 --out a")[0] == 0
-    monkeypatch.setattr(tuning.cli.commands.sweep, "Engine", None)
+    monkeypatch.setattr(tuning.campaign.execute, "Engine", None)
     assert sweep(RUN + "--members 600 --out a --resume")[0] == 0
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from toy_campaign import RUN
 
+import tuning.campaign.execute
 import tuning.cli.commands.rerun
-import tuning.cli.commands.sweep
 from tuning.campaign.analysis.summary import ranked
 from tuning.campaign.run.engine import Engine
 from tuning.campaign.run.rows import COLUMNS, Rows, checksums, make_rows
@@ -80,7 +80,7 @@ def test_a_member_run_again_is_the_campaigns_own_bit_for_bit(
     one = lambda loops, example, devices=None: small(
         loops, example, jax.local_devices()[:1]
     )
-    monkeypatch.setattr(tuning.cli.commands.sweep, "Engine", one)
+    monkeypatch.setattr(tuning.campaign.execute, "Engine", one)
     monkeypatch.setattr(tuning.cli.commands.rerun, "Engine", one)
     monkeypatch.setattr(tuning.cli.commands.rerun, "save_all", lambda *a: [])
     assert sweep(RUN + "--members 6 --out a")[0] == 0

@@ -10,6 +10,7 @@ from jaxglider.simulation.rollout import evaluate
 from jaxglider.uncertainty.members import with_member
 from jaxglider.uncertainty.quantities import uniform_uncertainty
 from tuning.evaluation.held_out import paired_means
+from tuning.problem.aggregates import CVaR, Mean, SoftWorst, make_aggregate
 from tuning.problem.lanes import FAILED, saturate_cost
 from tuning.problem.members import (
     SWEEP,
@@ -19,7 +20,7 @@ from tuning.problem.members import (
     nominal_member,
     sample_members,
 )
-from tuning.problem.objective import CHANNELS, UNIT, Aggregate, Objective, Weights
+from tuning.problem.objective import CHANNELS, UNIT, Objective, Weights
 from tuning.problem.objective_file import DEFAULT_WEIGHTS, load_cost
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descent import Descent, scattered
@@ -59,19 +60,19 @@ def test_copies_are_centred_and_depend_on_the_key_alone():
 
 def test_aggregates_agree_with_numpy():
     costs = np.array([1.0, 5.0, 2.0, 4.0, 3.0])
-    value, weights = Aggregate("mean")(jnp.asarray(costs))
+    value, weights = Mean()(jnp.asarray(costs))
     assert float(value) == pytest.approx(3.0)
-    value, weights = Aggregate("cvar", share=0.5)(jnp.asarray(costs))
+    value, weights = CVaR(0.5)(jnp.asarray(costs))
     assert float(value) == pytest.approx((5.0 + 4.0 + 0.5 * 3.0) / 2.5)
     assert float(jnp.sum(weights)) == pytest.approx(1.0)
-    value, weights = Aggregate("worst", sharpness=200.0)(jnp.asarray(costs))
+    value, weights = SoftWorst(200.0)(jnp.asarray(costs))
     assert float(value) == pytest.approx(5.0 - np.log(5) / 200.0)
     np.testing.assert_allclose(weights, [0, 1, 0, 0, 0], atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["mean", "cvar", "worst"])
 def test_weights_of_an_aggregate_are_its_gradient(kind):
-    aggregate = Aggregate(kind, share=0.3)
+    aggregate = make_aggregate(kind, share=0.3)
     costs = jnp.array([0.3, 1.9, 0.7, 1.2, 0.1, 1.5, 0.9])
     slope = jax.grad(lambda c: aggregate(c)[0])(costs)
     np.testing.assert_allclose(aggregate(costs)[1], slope, atol=1e-12)
@@ -80,8 +81,8 @@ def test_weights_of_an_aggregate_are_its_gradient(kind):
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: Aggregate("median"),
-        lambda: Aggregate("cvar", share=0.0),
+        lambda: make_aggregate("median"),
+        lambda: make_aggregate("cvar", share=0.0),
         lambda: Weights(tracking=-1.0),
         lambda: Weights(tracking=0.0),
         lambda: Weights(tracking=(1.0, 1.0)),
@@ -229,14 +230,14 @@ def test_descent_finds_the_bottom_of_a_bowl():
     bowl = lambda x: jnp.sum((x - jnp.array([1.0, -2.0])) ** 2)
     states, steps = _descend(bowl, jnp.zeros(2), steps=200)
     assert len(steps) == 200
-    np.testing.assert_allclose(states[-1].chosen[0], [1.0, -2.0], atol=1e-2)
+    np.testing.assert_allclose(states[-1].chosen_free[0], [1.0, -2.0], atol=1e-2)
 
 
 @pytest.mark.parametrize("optimiser", ["adam", "sgd", "rmsprop", "nadam"])
 def test_every_optimiser_descends(optimiser):
     bowl = lambda x: jnp.sum(x**2)
     states, _ = _descend(bowl, jnp.ones(2), steps=60, optimiser=optimiser)
-    assert float(states[-1].best_loss[0]) < 0.2
+    assert float(states[-1].best.loss[0]) < 0.2
 
 
 def test_a_step_into_nan_is_refused_and_the_next_is_shorter():
@@ -251,7 +252,7 @@ def test_a_step_into_nan_is_refused_and_the_next_is_shorter():
         assert steps[i].loss == FAILED * UNIT
         if i + 1 < len(steps):
             assert shares[i + 1] == pytest.approx(0.5 * shares[i])
-    assert all(float(s.free[0, 0]) < 2.0 for s in states)
+    assert all(float(s.current.free[0, 0]) < 2.0 for s in states)
     assert float(states[-1].chosen_loss[0]) < 0.52
 
 
@@ -276,10 +277,10 @@ def test_of_several_starts_the_one_in_the_deeper_valley_is_chosen():
     alone, _ = _descend(valleys, start, **options)
     many, steps = _descend(valleys, start, starts=8, **options)
     assert float(alone[-1].chosen_loss[0]) == pytest.approx(1.0)
-    np.testing.assert_array_equal(many[0].free[0], start)
+    np.testing.assert_array_equal(many[0].current.free[0], start)
     leader = many[-1].leader()
     assert float(many[-1].chosen_loss[leader]) < 0.02
-    np.testing.assert_allclose(many[-1].chosen[leader], [-2.0, 0.0], atol=0.15)
+    np.testing.assert_allclose(many[-1].chosen_free[leader], [-2.0, 0.0], atol=0.15)
     assert steps[-1].validation <= float(np.max(many[-1].chosen_loss))
 
 
@@ -297,18 +298,18 @@ def _bowl(slope):
     return bowl
 
 
-def test_guide_steers_and_loss_judges():
-    """A guide of the same values whose derivative points up the hill: no descent."""
+def test_the_surrogate_steers_and_the_loss_judges():
+    """A surrogate of the same values, its derivative pointing up the hill."""
     hill = _bowl(lambda x: -2.0 * x)
     settings = DescentSettings(steps=5, copies=1, spread=0.0, worse=10.0)
     descent = Descent(
         lambda free, _: jnp.sum(free**2),
         *(ALONE, ALONE, settings),
-        guide=lambda free, _: hill(free),
+        surrogate_loss=lambda free, _: hill(free),
     )
     state = descent.start(jnp.ones(2))
     _, step = descent.advance(state)
-    assert step.validation > float(state.loss[0])
+    assert step.validation > float(state.current.loss[0])
     assert not step.best
 
 
@@ -320,10 +321,10 @@ def test_every_member_has_its_turn_in_the_gradient_and_all_judge():
     )
     descent = Descent(lambda x, member: x @ member, members, members, settings)
     state = descent.start(jnp.ones(6))
-    turns = [np.asarray(state.slope[0])]
+    turns = [np.asarray(state.current.slope[0])]
     for _ in range(5):
         state, step = descent.advance(state)
-        turns.append(np.asarray(state.slope[0]))
+        turns.append(np.asarray(state.current.slope[0]))
         assert step.loss == pytest.approx(float(jnp.mean(step.free)))
     np.testing.assert_allclose([np.count_nonzero(slope) for slope in turns], 2)
     for deal in (turns[:3], turns[3:]):
@@ -336,7 +337,7 @@ def test_every_member_has_its_turn_in_the_gradient_and_all_judge():
     [("mean", 32, 8, 72), ("mean", 4, 4, 44), ("cvar", 32, 32, 192)],
 )
 def test_a_batch_and_what_a_step_with_it_costs(kind, members, batch, cost):
-    settings, aggregate = DescentSettings(), Aggregate(kind)
+    settings, aggregate = DescentSettings(), make_aggregate(kind)
     assert settings.batch_of(members, aggregate) == batch
     assert settings.gradient_cost(members, aggregate) == cost
 
@@ -345,7 +346,9 @@ def test_a_step_over_a_cliff_goes_back_to_the_best_gains():
     cliff = lambda x: jnp.where(x[0] < 1.0, 2.0 - x[0], 50.0 + 0.0 * x[0])
     states, steps = _descend(cliff, jnp.zeros(1), steps=12, learning_rate=0.4)
     number = next(i for i, s in enumerate(steps) if s.refused)
-    np.testing.assert_array_equal(states[number + 1].free, states[number].best_free)
+    np.testing.assert_array_equal(
+        states[number + 1].current.free, states[number].best.free
+    )
 
 
 def test_the_costly_part_compiles_once_on_several_devices():
@@ -355,7 +358,7 @@ def test_the_costly_part_compiles_once_on_several_devices():
         devices=jax.devices(),
     )
     assert len(list(descent.run(descent.start(jnp.ones(2))))) == 3
-    assert descent._look._cache_size() == 1
+    assert descent._evaluate_jit._cache_size() == 1
 
 
 def test_what_is_chosen_is_best_on_the_validation_set():
@@ -368,8 +371,8 @@ def test_what_is_chosen_is_best_on_the_validation_set():
     state = descent.start(jnp.zeros(1))
     for reached, _ in descent.run(state):
         state = reached
-    assert float(state.free[0, 0]) == pytest.approx(3.0, abs=0.1)
-    assert float(state.chosen[0, 0]) == pytest.approx(1.0, abs=0.05)
+    assert float(state.current.free[0, 0]) == pytest.approx(3.0, abs=0.1)
+    assert float(state.chosen_free[0, 0]) == pytest.approx(1.0, abs=0.05)
 
 
 def test_descent_stops_on_a_plateau():
@@ -400,7 +403,7 @@ def test_one_wild_gradient_does_not_carry_the_mean_away():
     """Slopes of up to 1e6 in a gentle descent: clipped, none can dominate."""
     spiky = lambda x: x[0] + 1e-3 * jnp.sin(1e9 * x[0])
     states, _ = _descend(spiky, jnp.zeros(1), steps=1, copies=16, spread=0.1)
-    assert abs(float(states[0].slope[0, 0])) <= 1.0
+    assert abs(float(states[0].current.slope[0, 0])) <= 1.0
 
 
 def test_a_start_that_is_not_finite_is_said_so():
@@ -450,12 +453,12 @@ def test_paired_interval_is_students_and_ignores_failed_pairs():
     after = before - 0.1 + rng.normal(0.0, 0.05, 400)
     after[3] = np.nan
     row = paired_means(before, after)
-    assert row["pairs"] == 399
-    low, high = row["interval"]
+    assert row.pairs == 399
+    low, high = row.interval
     assert low < -0.1 < high
     assert high - low == pytest.approx(2 * 1.966 * 0.05 / np.sqrt(399), rel=0.1)
-    assert paired_means(before[:1], after[:1])["interval"] is None
-    assert paired_means(np.array([np.nan]), np.array([1.0]))["pairs"] == 0
+    assert paired_means(before[:1], after[:1]).interval is None
+    assert paired_means(np.array([np.nan]), np.array([1.0])).pairs == 0
 
 
 def test_paired_intervals_cover_the_truth_as_often_as_they_say():
@@ -463,7 +466,7 @@ def test_paired_intervals_cover_the_truth_as_often_as_they_say():
     hits = 0
     for _ in range(2000):
         before = rng.normal(0.0, 1.0, 12)
-        low, high = paired_means(before, before + rng.normal(0.3, 1.0, 12))["interval"]
+        low, high = paired_means(before, before + rng.normal(0.3, 1.0, 12)).interval
         hits += low < 0.3 < high
     assert 0.935 < hits / 2000 < 0.965
 
@@ -483,12 +486,12 @@ def test_tuning_the_paper_case_halves_the_objective(evaluate_jit):
     descent = Descent(
         cost,
         *(member, member, DescentSettings(steps=15)),
-        guide=lambda free, member: cost(free, member, 60.0),
+        surrogate_loss=lambda free, member: cost(free, member, 60.0),
     )
     state = descent.start(space.read(loop))
     for reached, _ in descent.run(state):
         state = reached
-    tuned = evaluate_jit(space.write(loop, state.chosen[0]), sea)
+    tuned = evaluate_jit(space.write(loop, state.chosen_free[0]), sea)
     assert sum(float(x) for x in objective.terms(tuned)["tracking"]) < 1.5
 
 

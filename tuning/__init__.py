@@ -1,1 +1,48 @@
-"""Tuning of controller gains through the rollout, and the command line."""
+"""Tuning of controller gains through the rollout: the Python API and the command line.
+
+What is named here is loaded when it is first used: the command line answers `--help`
+without JAX.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tuning.api.check_gradients import GradientCheck as GradientCheck
+    from tuning.api.check_gradients import check_gradients as check_gradients
+    from tuning.api.sweep import SweepResult as SweepResult
+    from tuning.api.sweep import sweep as sweep
+    from tuning.api.tune import TuneResult as TuneResult
+    from tuning.api.tune import tune as tune
+    from tuning.problem.aggregates import CVaR as CVaR
+    from tuning.problem.aggregates import Mean as Mean
+    from tuning.problem.aggregates import SoftWorst as SoftWorst
+    from tuning.problem.objective import Weights as Weights
+    from tuning.search.settings import BlackBoxSettings as BlackBoxSettings
+    from tuning.search.settings import DescentSettings as DescentSettings
+
+_PLACES = {
+    "BlackBoxSettings": "tuning.search.settings",
+    "CVaR": "tuning.problem.aggregates",
+    "DescentSettings": "tuning.search.settings",
+    "GradientCheck": "tuning.api.check_gradients",
+    "Mean": "tuning.problem.aggregates",
+    "SoftWorst": "tuning.problem.aggregates",
+    "SweepResult": "tuning.api.sweep",
+    "TuneResult": "tuning.api.tune",
+    "Weights": "tuning.problem.objective",
+    "check_gradients": "tuning.api.check_gradients",
+    "sweep": "tuning.api.sweep",
+    "tune": "tuning.api.tune",
+}
+__all__ = tuple(_PLACES)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PLACES:
+        return getattr(importlib.import_module(_PLACES[name]), name)
+    raise AttributeError(f"module 'tuning' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_PLACES})

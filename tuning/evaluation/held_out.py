@@ -1,5 +1,6 @@
 """Before against after, member by member, on a set that tuning did not see."""
 
+import dataclasses
 from typing import Any
 
 import jax
@@ -14,87 +15,142 @@ from tuning.problem.problem import TuningProblem
 from tuning.reporting.statistics import student_half_width
 
 MEASURES = {"rms_error": "L2[e]", "rms_effort": "L2[U]", "chattering": "L2[dU]"}
+"""Measures of a channel that are compared, and their symbols."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PairedMeans:
+    """One measure of one channel before and after, on the same members.
+
+    Attributes:
+        pairs: number of members that were finite before and after.
+        before: mean before; None without a pair.
+        after: mean after; None without a pair.
+        better: number of members on which it fell.
+        difference: mean of after − before; None without a pair.
+        interval: 95 % Student interval of the difference; None for one pair.
+    """
+
+    pairs: int
+    before: float | None
+    after: float | None
+    better: int
+    difference: float | None
+    interval: list[float] | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Counts:
+    """How many of some members met with trouble.
+
+    Attributes:
+        members: number of members.
+        not_finite: number of runs that became non-finite.
+        capsized: number that rolled past 90 degrees.
+        outside_funnel: number that left a funnel at some time.
+        unfinished: number that missed a waypoint; None without a course.
+    """
+
+    members: int
+    not_finite: int
+    capsized: int
+    outside_funnel: int
+    unfinished: int | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """What tuning came to; every table has the keys `before` and `after`.
+
+    Attributes:
+        nominal: metrics of the nominal case as plain numbers.
+        held_out: comparison of each measure of `MEASURES`, by channel.
+        counts: troubles of the held-out members.
+    """
+
+    nominal: dict[str, dict[str, Any]]
+    held_out: dict[str, dict[str, PairedMeans]]
+    counts: dict[str, Counts]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, as they stand in tune.json."""
+        tables = dataclasses.asdict(self)
+        for counts in tables["counts"].values():
+            if counts["unfinished"] is None:
+                del counts["unfinished"]
+        return tables
 
 
 class Judge:
     """What a loop is worth on the nominal case and on the held-out test members."""
 
-    def __init__(self, task: TuningProblem) -> None:
-        self._task, self._run = task, task.on_members()
+    def __init__(self, problem: TuningProblem) -> None:
+        self._problem, self._run = problem, problem.on_members()
 
     def __call__(self, loop: ClosedLoop) -> tuple[Metrics, Metrics]:
         """Metrics of the nominal case alone, and of the test members; on the host."""
-        members = nominal_member(self._task.loop), self._task.test
+        members = nominal_member(self._problem.loop), self._problem.test
         nominal, held_out = (jax.device_get(self._run(loop, m)) for m in members)
         return nominal, held_out
 
 
-def verdict(
-    task: TuningProblem,
+def compare_held_out(
+    problem: TuningProblem,
     before: tuple[Metrics, Metrics],
     after: tuple[Metrics, Metrics],
-) -> dict[str, Any]:
+) -> Verdict:
     """Before against after on the nominal case and on the held-out test members.
 
     Args:
-        task: what was tuned.
-        before: what its `Judge` says of the gains before.
-        after: and of those after.
+        problem: problem that was solved.
+        before: metrics that its `Judge` gives for the gains before.
+        after: metrics that it gives for those after.
     """
-    found = {"before": before, "after": after}
-    nominal = {name: both[0] for name, both in found.items()}
-    held_out = {name: both[1] for name, both in found.items()}
-    waypoints = task.loop.scenario.reference.waypoints
-    return {
-        "nominal": {
-            name: metrics_dict(_one(m, 0), has_waypoints=waypoints is not None)
-            for name, m in nominal.items()
+    both = {"before": before, "after": after}
+    waypoints = problem.loop.scenario.reference.waypoints
+    return Verdict(
+        nominal={
+            name: metrics_dict(_one(nominal, 0), has_waypoints=waypoints is not None)
+            for name, (nominal, _) in both.items()
         },
-        "held_out": {
+        held_out={
             channel: {
                 measure: paired_means(
-                    _column(held_out["before"], channel, measure),
-                    _column(held_out["after"], channel, measure),
+                    _column(before[1], channel, measure),
+                    _column(after[1], channel, measure),
                 )
                 for measure in MEASURES
             }
             for channel in CHANNELS
         },
-        "counts": {name: _counts(m, waypoints) for name, m in held_out.items()},
-    }
+        counts={name: _counts(test, waypoints) for name, (_, test) in both.items()},
+    )
 
 
-def paired_means(before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
+def paired_means(before: np.ndarray, after: np.ndarray) -> PairedMeans:
     """Paired comparison of one measure on the same members.
 
     Args:
-        before: of each member.
-        after: of each member.
-
-    Returns:
-        Means, mean difference with its 95 % Student interval (None for one member),
-        how many members improved, and how many pairs were finite.
+        before: measure of each member before.
+        after: measure of each member after.
     """
     usable = np.isfinite(before) & np.isfinite(after)
     old, new = before[usable].astype(float), after[usable].astype(float)
     if not len(old):
-        return {"pairs": 0, "before": None, "after": None, "better": 0} | {
-            "difference": None,
-            "interval": None,
-        }
+        return PairedMeans(0, None, None, 0, None, None)
     difference = new - old
     interval = None
     if len(old) > 1:
         half = student_half_width(difference)
         interval = [float(difference.mean() - half), float(difference.mean() + half)]
-    return {
-        "pairs": len(old),
-        "before": float(old.mean()),
-        "after": float(new.mean()),
-        "better": int(np.sum(difference < 0.0)),
-        "difference": float(difference.mean()),
-        "interval": interval,
-    }
+    return PairedMeans(
+        pairs=len(old),
+        before=float(old.mean()),
+        after=float(new.mean()),
+        better=int(np.sum(difference < 0.0)),
+        difference=float(difference.mean()),
+        interval=interval,
+    )
 
 
 def _one(metrics: Metrics, number: int) -> Metrics:
@@ -105,15 +161,16 @@ def _column(metrics: Metrics, channel: str, measure: str) -> np.ndarray:
     return np.asarray(getattr(getattr(metrics.channels, channel), measure))
 
 
-def _counts(metrics: Metrics, waypoints: int | None) -> dict[str, int]:
+def _counts(metrics: Metrics, waypoints: int | None) -> Counts:
     outside = sum(_column(metrics, c, "time_outside_funnel") > 0.0 for c in CHANNELS)
-    counts = {
-        "members": len(np.asarray(metrics.finite)),
-        "not_finite": int(np.sum(~np.asarray(metrics.finite))),
-        "capsized": int(np.sum(np.asarray(metrics.capsized))),
-        "outside_funnel": int(np.sum(outside > 0)),
-    }
+    unfinished = None
     if waypoints is not None:
         reached = np.asarray(metrics.waypoints_reached)
-        counts["unfinished"] = int(np.sum(reached < waypoints))
-    return counts
+        unfinished = int(np.sum(reached < waypoints))
+    return Counts(
+        members=len(np.asarray(metrics.finite)),
+        not_finite=int(np.sum(~np.asarray(metrics.finite))),
+        capsized=int(np.sum(np.asarray(metrics.capsized))),
+        outside_funnel=int(np.sum(outside > 0)),
+        unfinished=unfinished,
+    )

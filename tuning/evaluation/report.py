@@ -5,15 +5,15 @@ import io
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxglider.control import FxTPPC
 from jaxglider.files.writing import replacing, write_text
 from jaxglider.plotting import errors
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.rollout import Trajectory, simulate
+from jaxglider.simulation.rollout import Trajectory
 from tuning.evaluation.held_out import MEASURES
 from tuning.problem.objective import CHANNELS
 from tuning.problem.problem import TuningProblem
@@ -75,14 +75,14 @@ def _arrow(before: float | None, after: float | None) -> str:
     return f"{figure(before)} -> {figure(after)}"
 
 
-def history_table(task: TuningProblem, history: list[Step]) -> str:
+def history_table(problem: TuningProblem, history: list[Step]) -> str:
     """The descent as CSV: one row a step, gains in their own units."""
     table = io.StringIO()
     rows = csv.writer(table)
     head = ["step", "objective", "validation", "refused", "best", "learning_rate"]
-    rows.writerow([*head, *task.space.names])
+    rows.writerow([*head, *problem.space.names])
     for step in history:
-        gains = task.space.values(task.space.write(task.loop, step.free))
+        gains = problem.space.values(problem.space.write(problem.loop, step.free))
         rows.writerow(
             [
                 step.number,
@@ -99,22 +99,26 @@ def history_table(task: TuningProblem, history: list[Step]) -> str:
 
 def write_tuning_report(
     out: Path,
-    task: TuningProblem,
-    tuned: ClosedLoop,
+    problem: TuningProblem,
     history: list[Step],
     result: dict[str, Any],
+    tuned: ClosedLoop,
+    runs: dict[str, Trajectory],
 ) -> None:
-    """Write report.md and its figures."""
-    run = jax.jit(simulate)
-    sea = task.loop.scenario.sea(jax.random.key(0))
-    runs = {
-        "before": jax.device_get(run(task.loop, sea)),
-        "after": jax.device_get(run(tuned, sea)),
-    }
+    """Write report.md and its figures.
+
+    Args:
+        out: folder to write to.
+        problem: problem that was solved.
+        history: steps of the search.
+        result: content of tune.json.
+        tuned: closed loop with the tuned gains.
+        runs: nominal runs `before` and `after`, on the host.
+    """
     figures = {
-        "objective.png": _objective_figure(history),
-        "gains.png": _gains_figure(task, history),
-        "errors.png": _errors_figure(runs),
+        "objective.png": objective_figure(history),
+        "gains.png": gains_figure(problem, history),
+        "errors.png": errors_figure(runs),
     }
     for name, drawn in figures.items():
         with replacing(out / name) as temporary:
@@ -123,22 +127,33 @@ def write_tuning_report(
     write_text(out / "report.md", _markdown(result, settling))
 
 
-def _objective_figure(history: list[Step]) -> Figure:
+def objective_figure(history: list[Step]) -> Figure:
+    """The objective step by step."""
     figure = Figure(figsize=(5.0, 3.2), layout="constrained")
-    axes = figure.subplots()
-    kept = [s for s in history if not s.refused]
+    draw_objective(figure.subplots(), history)
+    return figure
+
+
+def draw_objective(axes: Axes, history: list[Step]) -> Axes:
+    """Objective on training and validation members step by step.
+
+    Args:
+        axes: axes to draw on.
+        history: steps of the search.
+    """
+    taken = [s for s in history if not s.refused]
     refused = [s for s in history if s.refused]
-    numbers = [s.number for s in kept]
-    axes.plot(numbers, [s.loss for s in kept], color="#0072B2", label="training")
+    numbers = [s.number for s in taken]
+    axes.plot(numbers, [s.loss for s in taken], color="#0072B2", label="training")
     axes.plot(
         numbers,
-        [s.validation for s in kept],
+        [s.validation for s in taken],
         color="#D55E00",
         ls="--",
         label="validation",
     )
     top = max(
-        np.nanmax([s.loss for s in kept]), np.nanmax([s.validation for s in kept])
+        np.nanmax([s.loss for s in taken]), np.nanmax([s.validation for s in taken])
     )
     if refused:
         axes.plot(
@@ -151,25 +166,39 @@ def _objective_figure(history: list[Step]) -> Figure:
     axes.set(xlabel="step", ylabel="objective", ylim=(0, 1.05 * top))
     axes.grid(alpha=0.3)
     axes.legend(loc="upper right")
+    return axes
+
+
+def gains_figure(problem: TuningProblem, history: list[Step]) -> Figure:
+    """The gains that moved most, over their start, step by step."""
+    figure = Figure(figsize=(5.0, 4.2), layout="constrained")
+    draw_gains(figure.subplots(), problem, history)
+    # Eight names cover curves wherever they stand within the axes.
+    figure.legend(fontsize=7, ncols=2, loc="outside upper center", frameon=False)
     return figure
 
 
-def _gains_figure(task: TuningProblem, history: list[Step]) -> Figure:
-    figure = Figure(figsize=(5.0, 4.2), layout="constrained")
-    axes = figure.subplots()
-    kept = [s for s in history if not s.refused]
+def draw_gains(axes: Axes, problem: TuningProblem, history: list[Step]) -> Axes:
+    """The eight gains that moved most, over their start.
+
+    Args:
+        axes: axes to draw on; without a legend.
+        problem: problem that was solved.
+        history: steps of the search.
+    """
+    taken = [s for s in history if not s.refused]
     values = [
-        list(task.space.values(task.space.write(task.loop, s.free)).values())
-        for s in kept
+        list(problem.space.values(problem.space.write(problem.loop, s.free)).values())
+        for s in taken
     ]
     ratios = np.asarray(values) / np.asarray(values[0])
     styles = ("-", "--", "-.", ":")
     prefixes = "controller.", "scenario.reference."
-    names = [_without(name, prefixes) for name in task.space.names]
+    names = [_without(name, prefixes) for name in problem.space.names]
     largest = np.argsort(-np.abs(np.log(np.abs(ratios[-1]) + 1e-300)))[:8]
     for rank, column in enumerate(sorted(largest)):
         axes.semilogy(
-            [s.number for s in kept],
+            [s.number for s in taken],
             ratios[:, column],
             ls=styles[rank % 4],
             label=names[column],
@@ -177,9 +206,7 @@ def _gains_figure(task: TuningProblem, history: list[Step]) -> Figure:
     title = "" if len(names) <= 8 else f" (8 of {len(names)} that moved most)"
     axes.set(xlabel="step", ylabel=f"gain over its start{title}")
     axes.grid(alpha=0.3, which="both")
-    # Eight names cover curves wherever they stand within the axes.
-    figure.legend(fontsize=7, ncols=2, loc="outside upper center", frameon=False)
-    return figure
+    return axes
 
 
 def _without(name: str, prefixes: tuple[str, ...]) -> str:
@@ -188,7 +215,8 @@ def _without(name: str, prefixes: tuple[str, ...]) -> str:
     return name
 
 
-def _errors_figure(runs: dict[str, Trajectory]) -> Figure:
+def errors_figure(runs: dict[str, Trajectory]) -> Figure:
+    """Tracking errors of the nominal runs within their funnels."""
     figure = Figure(figsize=(5.0, 5.6), layout="constrained")
     errors(figure.subplots(3, sharex=True), runs)
     return figure

@@ -1,6 +1,5 @@
 """The task that gains are for: one of the paper's cases, or a mission file."""
 
-import argparse
 import dataclasses
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +8,7 @@ import tomli_w
 
 from jaxglider import paper
 from jaxglider.files.gains import encode_law
-from jaxglider.files.mission import Mission, load_mission, paper_case
+from jaxglider.files.mission import Mission, paper_case
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Clock, Scenario
 from jaxglider.vehicle.design_model import DesignModel
@@ -95,18 +94,22 @@ class FlightCase:
         )
 
     @classmethod
-    def of_options(cls, options: argparse.Namespace) -> "FlightCase":
-        """The case that a command is told: `--config`, or `--scenario` and `--plant`.
+    def of_loop(cls, loop: ClosedLoop, title: str) -> "FlightCase":
+        """The scenario of a closed loop, judged by its funnel or its controller's.
 
-        Raises:
-            ValueError: options that do not go together, or a file that cannot be used.
+        Args:
+            loop: closed loop to take the scenario and the design model from.
+            title: name of what is flown, for reports.
         """
-        refuse_beside_mission(options)
-        if options.config is not None:
-            return cls.of_mission(load_mission(options.config), options.duration)
-        scenario = options.scenario or "switching"
-        plant = options.plant or "rigid-body"
-        return cls.of_paper(scenario, plant, options.dt, options.duration)
+        scenario = loop.scenario
+        if scenario.funnel is None:
+            funnel: Any = getattr(loop.controller, "funnel", None)
+            scenario = dataclasses.replace(scenario, funnel=funnel)
+        model: Any = getattr(loop.controller, "model", None)
+        if model is None:
+            model = paper.design_model(scenario.plant)
+        case = paper_case(scenario.reference.can_finish)
+        return cls(title, case, type(scenario.plant).__name__, scenario, model)
 
     def resolve(
         self, words: Sequence[str], controllers: Sequence[str]
@@ -118,19 +121,3 @@ class FlightCase:
         """The kind of controller of a set of gains, and the closed loop with it."""
         law = gains.load(self.kind, self.model)
         return law.kind, law.on(self.scenario)
-
-
-def refuse_beside_mission(options: argparse.Namespace) -> None:
-    """Refuse options that say again what a mission file says.
-
-    Raises:
-        ValueError: names the option.
-    """
-    if options.config is None:
-        return
-    for name in ("scenario", "plant", "dt"):
-        if getattr(options, name) is not None:
-            raise ValueError(
-                f"--{name} does not go with --config; the mission file "
-                f"{options.config} says it itself. Leave it out."
-            )

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Scalar, Series
-from tuning.problem.objective import Aggregate
+from tuning.problem.aggregates import AbstractAggregate
 
 Loss = Callable[[Series, Any], Scalar]
 
@@ -21,7 +21,7 @@ def losses(
     loss: Loss,
     rows: jax.Array,
     members: Any,
-    aggregate: Aggregate,
+    aggregate: AbstractAggregate,
     unit: float,
     devices: Sequence[jax.Device] | None = None,
 ) -> Series:

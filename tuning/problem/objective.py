@@ -12,10 +12,9 @@ import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 
-from jaxglider.core.containers import Scalar, Series
+from jaxglider.core.containers import Scalar
 from jaxglider.simulation.metrics import Metrics
 
 CHANNELS = ("depth", "pitch", "heading")
@@ -159,51 +158,3 @@ class Objective(eqx.Module):
         return tuple(
             value(metrics, c) / (value(self.start, c) + 1e-12) for c in CHANNELS
         )
-
-
-@dataclasses.dataclass(frozen=True)
-class Aggregate:
-    """How the costs of members become one number: Σ wᵢ Jᵢ with Σ wᵢ = 1.
-
-    `mean` weighs all alike, `cvar` the worst share alone, `worst` by a softmax of the
-    costs. The gradient of each is Σ wᵢ ∇Jᵢ with the same weights (for `worst` that of
-    the soft maximum, log-mean-exp, whose value is then reported).
-
-    Attributes:
-        kind: `mean`, `cvar` or `worst`.
-        share: of the members that `cvar` averages, in (0, 1].
-        sharpness: of the softmax, per unit of cost.
-
-    Raises:
-        ValueError: an unknown kind, or a number outside its range.
-    """
-
-    kind: str = "mean"
-    share: float = 0.2
-    sharpness: float = 5.0
-
-    def __post_init__(self) -> None:
-        if self.kind not in ("mean", "cvar", "worst"):
-            raise ValueError(
-                f"aggregate must be one of mean, cvar, worst; received {self.kind!r}."
-            )
-        if not 0.0 < self.share <= 1.0 or not self.sharpness > 0.0:
-            raise ValueError(
-                "share must be in (0, 1] and sharpness positive; "
-                f"received {self.share} and {self.sharpness}."
-            )
-
-    def __call__(self, costs: Series) -> tuple[Scalar, Series]:
-        """The number, and the weight of each member."""
-        count = costs.shape[0]
-        if self.kind == "mean":
-            return jnp.mean(costs), jnp.full_like(costs, 1.0 / count)
-        if self.kind == "worst":
-            scaled = self.sharpness * costs
-            weights = jax.nn.softmax(scaled)
-            value = (jax.nn.logsumexp(scaled) - jnp.log(count)) / self.sharpness
-            return value, weights
-        # Rank from the worst; the last one counted may count in part.
-        rank = jnp.argsort(jnp.argsort(-costs)).astype(costs.dtype)
-        weights = jnp.clip(self.share * count - rank, 0.0, 1.0) / (self.share * count)
-        return jnp.sum(jnp.where(weights > 0.0, weights * costs, 0.0)), weights

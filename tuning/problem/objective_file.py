@@ -1,12 +1,14 @@
 """Weights, aggregate and cost of a user's own, from their files."""
 
 import dataclasses
-import importlib.util
+import types
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from jaxglider.core.toml import ConfigError, TomlTable, read_toml
-from tuning.problem.objective import CHANNELS, TERMS, Aggregate, Cost, Weights
+from tuning.problem.aggregates import AbstractAggregate, make_aggregate
+from tuning.problem.objective import CHANNELS, TERMS, Cost, Weights
 
 
 def load_cost(where: str) -> Cost:
@@ -25,12 +27,11 @@ def load_cost(where: str) -> Cost:
             f"--cost must be FILE.py:FUNCTION with an existing file; "
             f"received {where!r}."
         )
-    spec = importlib.util.spec_from_file_location("_users_cost", path)
-    if spec is None or spec.loader is None:
-        raise ValueError(f"--cost: {path} is no Python file.")
-    module = importlib.util.module_from_spec(spec)
+    module = types.ModuleType("_users_cost")
+    module.__file__ = path
     try:
-        spec.loader.exec_module(module)
+        # Not by an import: that may take an old byte code for a file just changed.
+        exec(compile(Path(path).read_bytes(), path, "exec"), vars(module))
     except Exception as error:
         raise ValueError(f"--cost: {path} cannot be run: {error!r}.") from error
     cost = getattr(module, name, None)
@@ -50,47 +51,62 @@ DEFAULT_WEIGHTS = Weights(
 the funnel, upright, off the buzzer and off the actuators' limits."""
 
 
-def read_objective(path: Path | None) -> tuple[Weights, Aggregate]:
-    """Weights and aggregation from a TOML file, or the defaults.
+def read_objective(
+    path: Path | None, kind: str | None = None
+) -> tuple[Weights, AbstractAggregate]:
+    """Weights and aggregate from a TOML file, or the defaults.
+
+    Args:
+        path: path of the file, or None for the defaults.
+        kind: name of the aggregate, taken instead of the file's.
 
     Raises:
         ConfigError: names the file, the key and the rule.
     """
     if path is None:
-        return DEFAULT_WEIGHTS, Aggregate()
+        return DEFAULT_WEIGHTS, make_aggregate(kind or "mean")
     try:
         top = TomlTable(read_toml(path), "")
-        parts = []
-        for key, old in (("weights", DEFAULT_WEIGHTS), ("aggregate", Aggregate())):
-            table = top.table(key)
-            values: dict[str, Any] = {}
-            for field in dataclasses.fields(old):
-                name = "roll_limit_rad" if field.name == "roll_limit" else field.name
-                values[field.name] = _read(table, name, getattr(old, field.name))
-            table.close()
-            parts.append(_built(type(old), key, values))
+        table = top.table("weights")
+        values: dict[str, Any] = {}
+        for field in dataclasses.fields(DEFAULT_WEIGHTS):
+            name = "roll_limit_rad" if field.name == "roll_limit" else field.name
+            values[field.name] = _read(
+                table, name, getattr(DEFAULT_WEIGHTS, field.name)
+            )
+        table.close()
+        weights = _built(Weights, "weights", values)
+        table = top.table("aggregate")
+        numbers = {
+            name: table.number(name)
+            for name in ("share", "sharpness")
+            if table.get(name, None) is not None
+        }
+        chosen: dict[str, Any] = {"kind": table.text("kind", "mean"), **numbers}
+        table.close()
+        aggregate = _built(make_aggregate, "aggregate", chosen)
         top.close()
     except ConfigError as error:
         text = str(error)
         raise ConfigError(text if str(path) in text else f"{path}: {text}") from error
-    return parts[0], parts[1]
+    if kind is not None:
+        aggregate = make_aggregate(**{**chosen, "kind": kind})
+    return weights, aggregate
 
 
 def _read(table: TomlTable, name: str, old: Any) -> Any:
-    """A word, a number, or a number for each channel."""
-    given = table.get(name, old)
-    if isinstance(given, dict) and name in TERMS:
-        by_name = TomlTable(given, f"weights.{name}")
+    """A number, or a number for each channel."""
+    value = table.get(name, old)
+    if isinstance(value, dict) and name in TERMS:
+        by_name = TomlTable(value, f"weights.{name}")
         values = tuple(by_name.number(channel) for channel in CHANNELS)
         by_name.close()
         return values
-    if isinstance(old, str):
-        return table.text(name, old)
-    return old if given is old else table.number(name)
+    return old if value is old else table.number(name)
 
 
-def _built(kind: type, key: str, values: dict[str, Any]) -> Any:
+def _built(make: Callable[..., Any], key: str, values: dict[str, Any]) -> Any:
     try:
-        return kind(**values)
+        return make(**values)
     except ValueError as error:
         raise ConfigError(f"{key}: {error}") from error

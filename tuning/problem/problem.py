@@ -1,24 +1,20 @@
-"""A tuning task put together: the closed loop, its free numbers, members, objective."""
+"""A tuning problem put together: free numbers, members drawn, objective scaled."""
 
-import argparse
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import jax
 
+from jaxglider.control import AbstractController
 from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Series
-from jaxglider.files.uncertainty import load_uncertainty
+from jaxglider.files.codec import FAMILIES
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.rollout import evaluate, sparse_checkpoints
-from jaxglider.simulation.scenario import Scenario
-from jaxglider.uncertainty.members import Member, Uncertainty, with_member
-from jaxglider.uncertainty.quantities import uniform_uncertainty
-from tuning.problem.case import FlightCase
-from tuning.problem.gain_sets import MISSION, PAPER
+from jaxglider.uncertainty.members import Member, with_member
+from tuning.problem.gain_sets import PAPER
 from tuning.problem.lanes import losses, member_count
 from tuning.problem.members import (
     TEST,
@@ -27,29 +23,9 @@ from tuning.problem.members import (
     nominal_member,
     sample_members,
 )
-from tuning.problem.objective import Aggregate, Objective
-from tuning.problem.objective_file import load_cost, read_objective
+from tuning.problem.objective import Objective
+from tuning.problem.spec import ProblemSpec
 from tuning.space.space import Space
-
-DEFAULT_FREE = {
-    "fxtppc": ("controller", "observer"),
-    "fxtppc-roll": ("controller", "observer"),
-    "ppc": ("controller", "observer"),
-    "smc": ("controller",),
-}
-"""Which numbers are tuned where the user does not say: all of the law's own."""
-
-DEFAULT_CONTROLLER = {
-    "printed": "fxtppc",
-    "rigid-body": "fxtppc-roll",
-    "seawing": "fxtppc-roll",
-}
-"""What is tuned where neither option nor file says; the printed glider rolls away from
-its mass, and needs no more than the paper's law."""
-
-
-GRADIENT_MEMORY = 60.0
-"""How long the gradient that is descended remembers [s]; see `rollout.evaluate`."""
 
 STATE_SIZE, STATES_LIMIT = 50, 2**30
 """Numbers that a gradient keeps of a tick of one member; and bytes it may keep."""
@@ -57,42 +33,65 @@ STATE_SIZE, STATES_LIMIT = 50, 2**30
 
 @dataclasses.dataclass(frozen=True)
 class TuningProblem:
-    """Everything a tuning run needs.
+    """Everything that a search needs; made of a `ProblemSpec` by `of`.
 
     Attributes:
-        case: what is flown.
-        kind: of the controller.
-        loop: the closed loop with the gains as given.
-        space: which numbers are free.
-        objective: the cost of one rollout.
-        aggregate: how members' costs become one.
+        spec: description that it was made of.
+        loop: closed loop with the gains to start from, in the scenario of the ensemble.
+        space: numbers that are free, and their sets.
+        objective: cost of one rollout.
         training: members to descend on.
         validation: members to choose by.
         test: members for the verdict alone.
-        unit: what a run like the start costs; see `Objective.unit`.
-        gradient_memory: of the gradient that is descended [s]; None for the exact one.
+        cost_scale: cost of a run like the start; see `Objective.unit`.
     """
 
-    case: FlightCase
-    kind: str
+    spec: ProblemSpec
     loop: ClosedLoop
     space: Space
     objective: Objective
-    aggregate: Aggregate
     training: Member
     validation: Member
     test: Member
-    unit: float
-    gradient_memory: float | None = None
+    cost_scale: float
+
+    @classmethod
+    def of(cls, spec: ProblemSpec) -> "TuningProblem":
+        """Put a problem together; one rollout is compiled and run.
+
+        Raises:
+            ValueError: a path, a half width or a cost cannot be used.
+        """
+        ensemble = spec.ensemble
+        uncertainty = ensemble.on(spec.loop)
+        loop = dataclasses.replace(spec.loop, scenario=uncertainty.scenario)
+        space = Space.of(loop, spec.paths, spec.constraints)
+
+        def draw(kind: int, count: int) -> Member:
+            if ensemble.training == 1:
+                return nominal_member(loop)
+            return sample_members(uncertainty, ensemble.seed, kind, count)
+
+        objective = Objective(baseline_metrics(spec, loop), spec.weights, spec.cost)
+        return cls(
+            spec=spec,
+            loop=loop,
+            space=space,
+            objective=objective,
+            training=draw(TRAINING, ensemble.training),
+            validation=draw(VALIDATION, ensemble.validation),
+            test=draw(TEST, ensemble.test),
+            cost_scale=objective.unit(),
+        )
 
     def loss(self, free: Any, member: Member) -> Any:
         """The objective of free numbers on one member; pure."""
         return self.objective(self.metrics(free, member))
 
-    def guide(self, free: Any, member: Member) -> Any:
+    def surrogate_loss(self, free: Any, member: Member) -> Any:
         """The same, with a derivative that forgets what was long ago; pure."""
         options = {
-            "gradient_memory": self.gradient_memory,
+            "gradient_memory": self.spec.gradient_memory,
             "checkpoint_every": self._checkpoint_every(),
         }
         return self.objective(self.metrics(free, member, **options))
@@ -112,7 +111,7 @@ class TuningProblem:
 
     def losses_on(self, members: Member) -> Callable[[Any], Series]:
         """Compiled: the objective of each row of free numbers on some members."""
-        how = self.aggregate, self.unit, jax.devices()
+        how = self.spec.aggregate, self.cost_scale, jax.devices()
         return jax.jit(lambda rows: losses(self.loss, rows, members, *how))
 
     def on_members(self) -> Callable[[ClosedLoop, Member], Metrics]:
@@ -128,88 +127,18 @@ class TuningProblem:
         return jax.jit(run)
 
 
-def build_task(options: argparse.Namespace) -> TuningProblem:
-    """A task from the options of the command line.
+def baseline_metrics(spec: ProblemSpec, loop: ClosedLoop) -> Metrics:
+    """The nominal run with the starting gains, or with the paper's if that fails.
 
-    Raises:
-        ValueError: an option or a file cannot be used.
+    Args:
+        spec: description of the problem.
+        loop: its closed loop, in the scenario of the ensemble.
     """
-    case = FlightCase.of_options(options)
-    kind, loop = _start(options, case)
-    uncertainty = _uncertainty(options, loop.scenario)
-    loop = dataclasses.replace(loop, scenario=uncertainty.scenario)
-    weights, aggregate = read_objective(options.objective)
-    if options.aggregate:
-        aggregate = dataclasses.replace(aggregate, kind=options.aggregate)
-    cost = load_cost(options.cost) if options.cost else None
-    paths = tuple(options.free) or DEFAULT_FREE[kind]
-    constraints = () if options.unconstrained else ("k1-below-k2-squared",)
-    space = Space.of(loop, paths, constraints)
-
-    def draw(which: int, count: int) -> Member:
-        if options.members == 1:
-            return nominal_member(loop)
-        return sample_members(uncertainty, options.seed, which, count)
-
-    objective = Objective(_reference(loop, kind, case), weights, cost)
-    return TuningProblem(
-        case,
-        kind,
-        loop,
-        space,
-        objective,
-        aggregate,
-        draw(TRAINING, options.members),
-        draw(VALIDATION, options.validation),
-        draw(TEST, options.test),
-        objective.unit(),
-        options.gradient_memory or None,
-    )
-
-
-def _uncertainty(options: argparse.Namespace, scenario: Scenario) -> Uncertainty:
-    """What differs between members: one half width for all, or what a file says."""
-    if isinstance(options.uncertainty, Path):
-        if options.amplitude is not None or options.position is not None:
-            raise ValueError(
-                "--amplitude and --position go with a number for --uncertainty; "
-                f"{options.uncertainty} says itself how far waves and starts differ."
-            )
-        return load_uncertainty(options.uncertainty, scenario)
-    half = options.uncertainty
-    return uniform_uncertainty(
-        scenario,
-        half,
-        half if options.amplitude is None else options.amplitude,
-        options.position or 0.0,
-    )
-
-
-def _reference(loop: ClosedLoop, kind: str, case: FlightCase) -> Metrics:
-    """The nominal run with the starting gains, or with the paper's if that fails."""
     run = jax.jit(evaluate)
     member = jax.tree.map(lambda x: x[0], nominal_member(loop))
-    start: Metrics = run(*with_member(loop, member))
-    if bool(start.finite):
-        return start
-    (gains,) = case.resolve([PAPER], [kind])
-    paper_loop = dataclasses.replace(case.loop(gains)[1], scenario=loop.scenario)
+    baseline: Metrics = run(*with_member(loop, member))
+    if bool(baseline.finite) or spec.controller not in FAMILIES[AbstractController]:
+        return baseline
+    (gains,) = spec.case.resolve([PAPER], [spec.controller])
+    paper_loop = dataclasses.replace(spec.case.loop(gains)[1], scenario=loop.scenario)
     return run(*with_member(paper_loop, member))
-
-
-def _start(options: argparse.Namespace, case: FlightCase) -> tuple[str, ClosedLoop]:
-    """The kind of controller and the closed loop to start from.
-
-    Raises:
-        ValueError: the gains are of another kind than asked for.
-    """
-    asked = options.controller
-    words = [PAPER] if case.own is None else [MISSION, PAPER]
-    if options.gains is not None:
-        words = [str(options.gains)]
-    for word in words:
-        (gains,) = case.resolve([word], [asked or DEFAULT_CONTROLLER[case.plant]])
-        kind, loop = case.loop(gains)
-        if asked in (None, kind):
-            return kind, loop
-    raise ValueError(f"--controller is {asked}, but {options.gains} holds {kind}.")

@@ -16,8 +16,14 @@ class Progress:
         self._shown = 0
         self._live = sys.stderr.isatty()
 
-    def show(self, text: str) -> None:
-        """Replace the line."""
+    def show(self, text: str, at: int | None = None, total: int | None = None) -> None:
+        """Replace the line.
+
+        Args:
+            text: line to show.
+            at: amount of work done, for a bar; the line says it itself.
+            total: amount of work in all.
+        """
         if self._live:
             sys.stderr.write("\r" + text.ljust(self._shown))
             sys.stderr.flush()
@@ -29,6 +35,50 @@ class Progress:
             sys.stderr.write("\r" + " " * self._shown + "\r")
             sys.stderr.flush()
             self._shown = 0
+
+
+class SilentProgress(Progress):
+    """Shows nothing."""
+
+    def show(self, text: str, at: int | None = None, total: int | None = None) -> None:
+        """Show nothing."""
+
+
+class BarProgress(Progress):
+    """A bar of tqdm, which a notebook draws too; silent where nobody is looking."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._bar: Any = None
+
+    def show(self, text: str, at: int | None = None, total: int | None = None) -> None:
+        """Say what is done, and how much of it.
+
+        Args:
+            text: line to show.
+            at: amount of work done.
+            total: amount of work in all.
+        """
+        from tqdm.auto import tqdm
+
+        if self._bar is None or self._bar.total != total:
+            self.clear()
+            look = "{desc}" if total is None else "{bar:20} {desc}"
+            in_notebook = tqdm.__module__.endswith("notebook")
+            self._bar = tqdm(
+                total=total,
+                leave=False,
+                bar_format=look,
+                disable=False if in_notebook else None,
+            )
+        self._bar.n = at or 0
+        self._bar.set_description_str(text)
+
+    def clear(self) -> None:
+        """Remove the bar."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
 
 
 def note(text: str) -> None:

@@ -9,13 +9,14 @@ from jaxglider.core.containers import Series
 from tuning.problem.lanes import member_count
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.console import Progress, note
+from tuning.search.descend import SearchOutcome
 from tuning.search.evolution import (
     Generation,
     cma_es,
     default_population,
     random_search,
 )
-from tuning.search.settings import DescentSettings, Step
+from tuning.search.settings import BlackBoxSettings, DescentSettings, Step
 
 SEARCHES: dict[str, Callable[..., Iterator[Generation]]] = {
     "cma": cma_es,
@@ -23,75 +24,75 @@ SEARCHES: dict[str, Callable[..., Iterator[Generation]]] = {
 }
 
 
-def black_box(
-    method: str,
-    task: TuningProblem,
-    start: Series,
-    settings: DescentSettings,
+def search_black_box(
+    problem: TuningProblem,
+    settings: BlackBoxSettings,
+    budget: DescentSettings,
     progress: Progress,
-    population: int | None = None,
-    *,
-    spread: float,
-) -> tuple[Series, list[Step], bool]:
-    """Search with the budget that the descent of these settings would have.
+) -> SearchOutcome:
+    """Search with the budget that a descent would have.
 
     Args:
-        method: `cma` or `random`.
-        task: what to tune.
-        start: free numbers to start from.
-        settings: of the descent: what its steps cost, and the seed.
-        progress: where to show progress.
-        population: draws per generation; that of CMA-ES by default.
-        spread: first standard deviation of the draws, in the logarithm of a gain.
+        problem: problem to solve.
+        settings: how to search.
+        budget: settings of the descent whose cost is the budget, and the seed.
+        progress: line that shows how far it is.
 
-    Returns:
-        The free numbers that are best on the validation members, the history, and
-        whether the search was interrupted.
+    Raises:
+        KeyboardInterrupt: it was interrupted before the first generation.
     """
-    members = member_count(task.training)
-    budget = settings.steps * settings.gradient_cost(members, task.aggregate)
-    population = population or default_population(int(start.shape[0]))
-    search = SEARCHES[method](
-        task.losses_on(task.training),
+    progress.show("compiling the search ...")
+    start = problem.space.read(problem.loop)
+    members = member_count(problem.training)
+    rollouts = budget.steps * budget.gradient_cost(members, problem.spec.aggregate)
+    search = SEARCHES[settings.method](
+        problem.losses_on(problem.training),
         start,
-        budget,
-        population,
-        spread,
-        settings.seed,
+        rollouts,
+        settings.population or default_population(int(start.shape[0])),
+        settings.spread,
+        budget.seed,
         members=members,
     )
-    validate = task.losses_on(task.validation)
+    validate = problem.losses_on(problem.validation)
     history: list[Step] = []
+    interrupted = False
     try:
-        for found in search:
-            free = jnp.asarray(found.free, start.dtype)
+        for generation in search:
+            free = jnp.asarray(generation.free, start.dtype)
             validation = float(validate(free[None])[0])
             best = min((s.validation for s in history), default=np.inf)
-            history.append(_step(found, free, validation, better=validation < best))
+            history.append(
+                _step(generation, free, validation, better=validation < best)
+            )
             progress.show(
-                f"generation {found.number}  objective {found.loss:.4f}  "
+                f"generation {generation.number}  objective {generation.loss:.4f}  "
                 f"validation {validation:.4f}  best {min(best, validation):.4f}  "
-                f"{found.rollouts}/{budget} rollouts"
+                f"{generation.rollouts}/{rollouts} rollouts",
+                generation.rollouts,
+                rollouts,
             )
     except KeyboardInterrupt:
         if not history:
             raise
+        interrupted = True
         progress.clear()
         note("interrupted; keeping the best gains so far.")
-        return _best(history), history, True
-    return _best(history), history, False
+    return SearchOutcome(_best(history), history, interrupted=interrupted)
 
 
-def _step(found: Generation, free: Series, validation: float, *, better: bool) -> Step:
+def _step(
+    generation: Generation, free: Series, validation: float, *, better: bool
+) -> Step:
     """A generation as a step of a descent."""
     return Step(
-        found.number,
-        found.loss,
-        validation,
-        free,
-        False,
-        better,
-        found.learning_rate,
+        number=generation.number,
+        loss=generation.loss,
+        validation=validation,
+        free=free,
+        refused=False,
+        best=better,
+        learning_rate=generation.learning_rate,
     )
 
 

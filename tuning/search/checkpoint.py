@@ -85,7 +85,7 @@ class Checkpoint:
         except _BROKEN as error:
             raise self._unreadable(error) from error
         steps = [
-            Step(**{**row, "free": jnp.asarray(row["free"], like.free.dtype)})
+            Step(**{**row, "free": jnp.asarray(row["free"], like.chosen_free.dtype)})
             for row in about["steps"]
         ]
         return jax.tree.unflatten(structure, new), steps

@@ -1,6 +1,5 @@
-"""Descent of the tuning command: its start, what is done beside it, and its end."""
+"""A descent from its start to its end, with what goes on beside it."""
 
-import argparse
 import dataclasses
 import time
 from collections.abc import Callable
@@ -24,91 +23,96 @@ from tuning.search.settings import DescentSettings, State, Step
 
 T = TypeVar("T")
 CHECKED = 100.0
-"""How much of a run the gradient is checked on first [s]."""
+"""Length of the beginning of a run on which the gradient is checked first [s]."""
 
 
-def started(
-    options: argparse.Namespace,
-    task: TuningProblem,
-    start: Series,
-    settings: DescentSettings,
-    progress: Progress,
-) -> tuple[State, Descent, tuple[str, ...]]:
-    """A descent at its start, or at a better one if this is lost; and remarks."""
-    check = None if options.no_check else beside(_trust, task, start)
-    progress.show(f"compiling the gradient{', checking it' if check else ''} ...")
-    descent = Descent(
-        task.loss,
-        task.training,
-        task.validation,
-        settings,
-        task.aggregate,
-        guide=task.guide,
-        unit=task.unit,
-        devices=jax.devices(),
-    )
-    state = descent.start(start)
-    remarks = [check.result()] if check else []
-    if not options.resume and is_lost(state.loss, task.unit):
-        start, _, text = promising_gains(
-            task, start, float(state.loss[0]), options.seed, progress.show
-        )
-        remarks.append(text)
-        state = descent.start(start)
-    progress.clear()
-    for text in remarks:
-        note(text)
-    return state, descent, tuple(remarks)
+@dataclasses.dataclass(frozen=True)
+class SearchOutcome:
+    """What a search came to.
+
+    Attributes:
+        free: free numbers that are best on the validation members.
+        history: steps of the search, the start first.
+        remarks: sentences on the start and the gradient, for a report.
+        interrupted: whether the search was stopped before its end.
+    """
+
+    free: Series
+    history: list[Step]
+    remarks: tuple[str, ...] = ()
+    interrupted: bool = False
 
 
 def descend(
-    descent: Descent,
-    state: State,
-    checkpoint: Checkpoint,
-    resume: bool,
+    problem: TuningProblem,
+    settings: DescentSettings,
     progress: Progress,
-) -> tuple[Series, list[Step], bool]:
-    """Descend to the end or to an interruption; what was reached is kept."""
+    *,
+    checkpoint: Checkpoint | None = None,
+    resume: bool = False,
+    check: bool = True,
+    meanwhile: Callable[[], Any] = lambda: None,
+) -> SearchOutcome:
+    """Descend to the end or to an interruption; what was reached is kept.
+
+    Args:
+        problem: problem to solve.
+        settings: how to descend.
+        progress: line that shows how far it is.
+        checkpoint: file that every step is kept in, or None.
+        resume: whether to go on from the checkpoint.
+        check: whether to check the gradient against differences at the start.
+        meanwhile: function called once the descent has compiled, before its first step.
+
+    Raises:
+        FloatingPointError: the objective is not finite at any start.
+        ValueError: the checkpoint cannot be gone on with.
+    """
+    descent, state, remarks = _start(problem, settings, progress, resume, check)
+    for remark in remarks:
+        note(remark)
+    meanwhile()
     leader = state.leader()
-    start = Step(
-        0,
-        float(state.loss[leader]),
-        float(state.chosen_loss[leader]),
-        state.free[leader],
-        False,
-        True,
-        descent.settings.learning_rate,
-    )
-    history = [start]
-    if resume:
+    history = [
+        Step(
+            number=0,
+            loss=float(state.current.loss[leader]),
+            validation=float(state.chosen_loss[leader]),
+            free=state.current.free[leader],
+            refused=False,
+            best=True,
+            learning_rate=settings.learning_rate,
+        )
+    ]
+    if resume and checkpoint is not None:
         state, history = checkpoint.load(state)
         note(f"resumed after step {int(state.number)}.")
     begun, first = time.monotonic(), int(state.number)
+    interrupted = False
     try:
         for reached, step in descent.run(state):
             state = reached
             history.append(step)
-            checkpoint.save(state, history)
+            if checkpoint is not None:
+                checkpoint.save(state, history)
             pace = (time.monotonic() - begun) / max(step.number - first, 1)
             progress.show(
-                f"step {step.number}/{descent.settings.steps}  "
-                f"objective {step.loss:.4f}  validation {step.validation:.4f}  "
-                f"best {float(jnp.min(state.chosen_loss)):.4f}  "
-                f"{'refused  ' if step.refused else ''}"
-                f"{pace * (descent.settings.steps - step.number):.0f} s left"
+                _line(step, state, settings, pace), step.number, settings.steps
             )
     except KeyboardInterrupt:
+        interrupted = True
         progress.clear()
-        note("interrupted; keeping the best gains so far (go on with --resume).")
-        return state.chosen[state.leader()], history, True
-    if descent.is_blind(state):
+        how = " (go on with --resume)" if checkpoint is not None else ""
+        note(f"interrupted; keeping the best gains so far{how}.")
+    if not interrupted and descent.is_blind(state):
         progress.clear()
         note(
             "the descent ended early: no gradient is finite at these gains, where the "
             "loop amplifies every difference. Try --method cma, other --gains, a "
             "shorter --gradient-memory or --precision 64."
         )
-    return state.chosen[state.leader()], history, False
+    chosen = state.chosen_free[state.leader()]
+    return SearchOutcome(chosen, history, remarks, interrupted)
 
 
 def beside(function: Callable[..., T], *args: Any) -> "Future[T]":
@@ -119,22 +123,66 @@ def beside(function: Callable[..., T], *args: Any) -> "Future[T]":
     return future
 
 
-def _trust(task: TuningProblem, start: Series) -> str:
+def _start(
+    problem: TuningProblem,
+    settings: DescentSettings,
+    progress: Progress,
+    resume: bool,
+    check: bool,
+) -> tuple[Descent, State, tuple[str, ...]]:
+    """A descent at its start, or at a better one if this is lost; and remarks."""
+    given = problem.space.read(problem.loop)
+    checking = beside(_gradient_remark, problem, given) if check else None
+    progress.show(f"compiling the gradient{', checking it' if check else ''} ...")
+    descent = Descent(
+        problem.loss,
+        problem.training,
+        problem.validation,
+        settings,
+        problem.spec.aggregate,
+        surrogate_loss=problem.surrogate_loss,
+        cost_scale=problem.cost_scale,
+        devices=jax.devices(),
+    )
+    state = descent.start(given)
+    remarks = [checking.result()] if checking else []
+    if not resume and is_lost(state.current.loss, problem.cost_scale):
+        rescue = promising_gains(
+            problem, given, float(state.current.loss[0]), settings.seed, progress.show
+        )
+        remarks.append(rescue.remark)
+        state = descent.start(rescue.free)
+    progress.clear()
+    return descent, state, tuple(remarks)
+
+
+def _line(step: Step, state: State, settings: DescentSettings, pace: float) -> str:
+    """How far the descent is, in one line."""
+    return (
+        f"step {step.number}/{settings.steps}  "
+        f"objective {step.loss:.4f}  validation {step.validation:.4f}  "
+        f"best {float(jnp.min(state.chosen_loss)):.4f}  "
+        f"{'refused  ' if step.refused else ''}"
+        f"{pace * (settings.steps - step.number):.0f} s left"
+    )
+
+
+def _gradient_remark(problem: TuningProblem, start: Series) -> str:
     """Whether the derivative at the start is exact, and how far it foretells.
 
     On the beginning of the nominal case: differences of a long run are rounding.
     """
-    clock = task.loop.scenario.clock
+    clock = problem.loop.scenario.clock
     ticks = min(clock.ticks, round(CHECKED / float(clock.dt)))
     brief = eqx.tree_at(
-        lambda loop: loop.scenario.clock, task.loop, Clock(ticks, clock.dt)
+        lambda loop: loop.scenario.clock, problem.loop, Clock(ticks, clock.dt)
     )
-    beginning = dataclasses.replace(task, loop=brief)
+    beginning = dataclasses.replace(problem, loop=brief)
     member = jax.tree.map(lambda x: x[0], nominal_member(brief))
     report = check_gradient(
         lambda x: beginning.loss(x, member),
         start,
-        task.space.names,
+        problem.space.names,
         steps=SHORT_STEPS,
         copies=1,
     )

@@ -18,6 +18,7 @@ a cosine. Several descents from scattered starts can run side by side.
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import jax.random as jr
@@ -27,6 +28,7 @@ from jax import lax
 from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Series
 from jaxglider.core.differentiation import value_and_gradient
+from tuning.problem.aggregates import MEAN, AbstractAggregate
 from tuning.problem.lanes import (
     FAILED,
     Loss,
@@ -35,8 +37,44 @@ from tuning.problem.lanes import (
     member_losses,
     saturate_cost,
 )
-from tuning.problem.objective import UNIT, Aggregate
-from tuning.search.settings import DescentSettings, State, Step, make_optimiser
+from tuning.problem.objective import UNIT
+from tuning.search.settings import (
+    DescentSettings,
+    Point,
+    State,
+    Step,
+    make_optimiser,
+)
+
+
+class Evaluation(eqx.Module):
+    """What is known of the free numbers of each descent, one row each.
+
+    Attributes:
+        loss: objective of all training members.
+        slope: clipped gradient of the surrogate loss.
+        validation: objective of the validation members.
+        usable: whether the gradient of any lane is finite.
+    """
+
+    loss: Series
+    slope: jax.Array
+    validation: Series
+    usable: jax.Array
+
+
+class Proposal(eqx.Module):
+    """Where the next step of each descent leads.
+
+    Attributes:
+        free: free numbers to try, one row each.
+        optimiser: state of the optimiser there.
+        rate: learning rate of each descent.
+    """
+
+    free: jax.Array
+    optimiser: Any
+    rate: Series
 
 
 class Descent:
@@ -48,10 +86,10 @@ class Descent:
         training: Any,
         validation: Any,
         settings: DescentSettings,
-        aggregate: Aggregate | None = None,
+        aggregate: AbstractAggregate = MEAN,
         *,
-        guide: Loss | None = None,
-        unit: float = UNIT,
+        surrogate_loss: Loss | None = None,
+        cost_scale: float = UNIT,
         devices: Sequence[jax.Device] | None = None,
     ) -> None:
         """Prepare.
@@ -62,20 +100,21 @@ class Descent:
             validation: members to choose by.
             settings: how to descend.
             aggregate: how members' objectives become one; the mean by default.
-            guide: what is differentiated instead of `loss`; of the same values.
-            unit: what a run like the start costs: the scale of poor and failed ones.
-            devices: to spread the members over.
+            surrogate_loss: loss that is differentiated instead of `loss`; of the same
+                values.
+            cost_scale: cost of a run like the start, the scale of poor and failed ones.
+            devices: devices to spread the members over.
         """
         self.settings = settings
-        self._loss, self._guide = loss, guide or loss
-        self._aggregate = aggregate or Aggregate()
-        self._unit, self._devices = unit, devices
+        self._loss, self._surrogate = loss, surrogate_loss or loss
+        self._aggregate = aggregate
+        self._cost_scale, self._devices = cost_scale, devices
         self._members = training, validation
         self._optimiser = make_optimiser(settings.optimiser)
         # The costly part is one program, for the start and for every step.
-        self._look = jax.jit(self._looked)
-        self._try = jax.jit(self._tried)
-        self._settle = jax.jit(self._settled)
+        self._evaluate_jit = jax.jit(self._evaluate)
+        self._propose_jit = jax.jit(self._propose)
+        self._accept_jit = jax.jit(self._accept)
 
     def start(self, free: Series) -> State:
         """The state before the first step; further starts are scattered around it."""
@@ -85,25 +124,23 @@ class Descent:
             (settings.starts, free.shape[0]),
             free.dtype,
         )
-        return self._started(free + offsets.at[0].set(0.0))
+        return self._first_state(free + offsets.at[0].set(0.0))
 
     def advance(self, state: State) -> tuple[State, Step]:
         """One step of every descent."""
-        tried, optimiser, rate = self._try(state)
-        loss, slope, validation, usable = self._look_at(tried, state.number + 1)
-        state, refused = self._settle(
-            state, tried, optimiser, loss, slope, validation, usable
-        )
+        proposal = self._propose_jit(state)
+        outcome = self._evaluate_at(proposal.free, state.number + 1)
+        state, refused = self._accept_jit(state, proposal, outcome)
         j = state.leader()
-        validation = np.asarray(validation)
+        validation = np.asarray(outcome.validation)
         step = Step(
-            int(state.number),
-            float(loss[j]),
-            float(validation[j]),
-            tried[j],
-            bool(refused[j]),
-            bool(validation[j] == np.asarray(state.chosen_loss)[j]),
-            float(rate[j]),
+            number=int(state.number),
+            loss=float(outcome.loss[j]),
+            validation=float(validation[j]),
+            free=proposal.free[j],
+            refused=bool(refused[j]),
+            best=bool(validation[j] == np.asarray(state.chosen_loss)[j]),
+            learning_rate=float(proposal.rate[j]),
         )
         return state, step
 
@@ -113,7 +150,7 @@ class Descent:
         Raises:
             FloatingPointError: the objective is not finite at any of the starts.
         """
-        if not np.any(np.asarray(state.best_loss) < FAILED * self._unit):
+        if not np.any(np.asarray(state.best.loss) < FAILED * self._cost_scale):
             raise FloatingPointError(
                 "the objective is not finite at the starting gains, for no member; "
                 "start from gains that complete the run (--gains), or scatter several "
@@ -138,97 +175,77 @@ class Descent:
         count = member_count(self._members[0])
         return count // self.settings.batch_of(count, self._aggregate)
 
-    def _started(self, free: jax.Array) -> State:
+    def _first_state(self, free: jax.Array) -> State:
         number = jnp.asarray(0, jnp.int32)
-        loss, slope, validation, usable = self._look_at(free, number)
+        outcome = self._evaluate_at(free, number)
+        point = Point(free=free, slope=outcome.slope, loss=outcome.loss)
         return State(
-            number,
-            free,
-            slope,
-            loss,
-            jax.vmap(self._optimiser.init)(free),
-            jnp.ones_like(loss),
-            free,
-            slope,
-            loss,
-            free,
-            validation,
-            jnp.zeros(free.shape[0], jnp.int32),
-            jnp.where(usable, 0, 1).astype(jnp.int32),
+            number=number,
+            current=point,
+            best=point,
+            chosen_free=free,
+            chosen_loss=outcome.validation,
+            optimiser=jax.vmap(self._optimiser.init)(free),
+            shrink=jnp.ones_like(outcome.loss),
+            since=jnp.zeros(free.shape[0], jnp.int32),
+            blind=jnp.where(outcome.usable, 0, 1).astype(jnp.int32),
         )
 
-    def _look_at(
-        self, free: jax.Array, number: jax.Array
-    ) -> tuple[Series, jax.Array, Series, jax.Array]:
+    def _evaluate_at(self, free: jax.Array, number: jax.Array) -> Evaluation:
         """By way of the host: what lies on several devices would compile anew."""
-        return self._look(*jax.device_get((free, number)), self._members)
+        outcome: Evaluation = self._evaluate_jit(
+            *jax.device_get((free, number)), self._members
+        )
+        return outcome
 
-    def _looked(
+    def _evaluate(
         self, free: jax.Array, number: jax.Array, members: tuple[Any, Any]
-    ) -> tuple[Series, jax.Array, Series, jax.Array]:
-        """Objective on all training members, gradient, objective on the others.
-
-        And whether any lane's gradient is finite.
-        """
+    ) -> Evaluation:
+        """Objective on all members and a gradient at the free numbers of each row."""
         slope, usable = self._gradients(free, number, members[0])
         count = member_count(members[0])
         both = jax.tree.map(lambda *x: jnp.concatenate(x), *members)
-        values = member_losses(self._loss, free, both, self._unit, self._devices)
+        values = member_losses(self._loss, free, both, self._cost_scale, self._devices)
         loss, validation = (
             jax.vmap(self._aggregate)(part)[0]
             for part in (values[:, :count], values[:, count:])
         )
-        return loss, slope, validation, usable
+        return Evaluation(loss=loss, slope=slope, validation=validation, usable=usable)
 
-    def _tried(self, state: State) -> tuple[jax.Array, Any, Series]:
-        """Where the next step leads, the optimiser there, and the learning rate."""
+    def _propose(self, state: State) -> Proposal:
+        """Where the next step leads: the optimiser's update at the rate in force."""
         settings = self.settings
         turn = jnp.pi * state.number / settings.steps
         rate = settings.learning_rate * state.shrink * 0.5 * (1.0 + jnp.cos(turn))
         update, optimiser = jax.vmap(self._optimiser.update)(
-            state.slope, state.optimiser, state.free
+            state.current.slope, state.optimiser, state.current.free
         )
-        return state.free + rate[:, None] * update, optimiser, rate
+        free = state.current.free + rate[:, None] * update
+        return Proposal(free=free, optimiser=optimiser, rate=rate)
 
-    def _settled(
-        self,
-        state: State,
-        tried: jax.Array,
-        optimiser: Any,
-        loss: Series,
-        slope: jax.Array,
-        validation: Series,
-        usable: jax.Array,
+    def _accept(
+        self, state: State, proposal: Proposal, outcome: Evaluation
     ) -> tuple[State, jax.Array]:
         """The state after a step, and which steps were refused."""
         settings = self.settings
-        refused = ~(loss <= settings.worse * state.best_loss)
-        better = ~refused & (loss < state.best_loss)
+        loss, validation = outcome.loss, outcome.validation
+        refused = ~(loss <= settings.worse * state.best.loss)
+        better = ~refused & (loss < state.best.loss)
         chosen = ~refused & (validation < state.chosen_loss)
         target = state.chosen_loss * (1.0 - settings.progress)
         progress = ~refused & (validation < target)
-
-        def either(flags: jax.Array, yes: Any, no: Any) -> Any:
-            def pick(a: jax.Array, b: jax.Array) -> jax.Array:
-                return jnp.where(flags.reshape(-1, *(1,) * (a.ndim - 1)), a, b)
-
-            return jax.tree.map(pick, yes, no)
-
-        fresh = jax.vmap(self._optimiser.init)(state.best_free)
+        tried = Point(free=proposal.free, slope=outcome.slope, loss=loss)
+        fresh = jax.vmap(self._optimiser.init)(state.best.free)
         following = State(
-            state.number + 1,
-            either(refused, state.best_free, tried),
-            either(refused, state.best_slope, slope),
-            either(refused, state.best_loss, loss),
-            either(refused, fresh, optimiser),
-            jnp.minimum(jnp.where(refused, 0.5, 1.1) * state.shrink, 1.0),
-            either(better, tried, state.best_free),
-            either(better, slope, state.best_slope),
-            either(better, loss, state.best_loss),
-            either(chosen, tried, state.chosen),
-            either(chosen, validation, state.chosen_loss),
-            jnp.where(progress, 0, state.since + 1),
-            jnp.where(usable | refused, 0, state.blind + 1),
+            number=state.number + 1,
+            current=_select(refused, state.best, tried),
+            best=_select(better, tried, state.best),
+            chosen_free=_select(chosen, tried.free, state.chosen_free),
+            chosen_loss=_select(chosen, validation, state.chosen_loss),
+            optimiser=_select(refused, fresh, proposal.optimiser),
+            shrink=jnp.minimum(jnp.where(refused, 0.5, 1.1) * state.shrink, 1.0),
+            since=jnp.where(progress, 0, state.since + 1),
+            blind=jnp.where(outcome.usable | refused, 0, state.blind + 1),
         )
         return following, refused
 
@@ -246,7 +263,7 @@ class Descent:
         copies = jax.vmap(lambda x: scattered(x, key, lanes, self.settings.spread))(
             free
         )
-        slope_of = value_and_gradient(self._guide, members=free.shape[0] * lanes)
+        slope_of = value_and_gradient(self._surrogate, members=free.shape[0] * lanes)
         values, slopes = map_members(
             lambda lane: slope_of(*lane),
             as_lanes(copies, members),
@@ -257,7 +274,7 @@ class Descent:
         clipped = jnp.where(norm > 1.0, slopes / norm, slopes)
         usable = jnp.isfinite(norm) & jnp.isfinite(values.reshape(-1, 1))
         clipped = jnp.where(usable, clipped, 0.0).reshape(-1, lanes, free.shape[1])
-        _, weights = jax.vmap(self._aggregate)(saturate_cost(values, self._unit))
+        _, weights = jax.vmap(self._aggregate)(saturate_cost(values, self._cost_scale))
         slope = jnp.sum(weights[:, :, None] * clipped, axis=1)
         return slope, jnp.any(usable.reshape(-1, lanes), axis=1)
 
@@ -271,6 +288,15 @@ class Descent:
         order = jr.permutation(key, count)
         chosen = lax.dynamic_slice(order, (number % self.deals * batch,), (batch,))
         return jax.tree.map(lambda x: x[chosen], members)
+
+
+def _select(flags: jax.Array, yes: Any, no: Any) -> Any:
+    """Row by row one tree or another."""
+
+    def pick(a: jax.Array, b: jax.Array) -> jax.Array:
+        return jnp.where(flags.reshape(-1, *(1,) * (a.ndim - 1)), a, b)
+
+    return jax.tree.map(pick, yes, no)
 
 
 def scattered(centre: Series, key: jax.Array, copies: int, spread: float) -> jax.Array:

@@ -28,23 +28,23 @@ class SearchResult(NamedTuple):
     """What the search came to.
 
     Attributes:
-        free: the best free numbers.
-        rollouts: spent.
-        said: what was done, in words.
+        free: free numbers that are best.
+        rollouts: number of rollouts spent.
+        remark: account of what was done, in words.
     """
 
     free: Series
     rollouts: int
-    said: str
+    remark: str
 
 
-def is_lost(objectives: Series, unit: float) -> bool:
+def is_lost(objectives: Series, cost_scale: float) -> bool:
     """Whether no start is worth a descent, by the objective of each."""
-    return bool(jnp.min(objectives) >= LOST * unit)
+    return bool(jnp.min(objectives) >= LOST * cost_scale)
 
 
 def promising_gains(
-    task: TuningProblem,
+    problem: TuningProblem,
     free: Series,
     objective: float,
     seed: int,
@@ -55,29 +55,29 @@ def promising_gains(
     CMA-ES on the training members, until few of them are lost.
 
     Args:
-        task: what to tune.
-        free: the gains as given.
-        objective: theirs.
-        seed: of the draws.
-        tell: is told how far it is.
+        problem: problem to solve.
+        free: free numbers of the gains as given.
+        objective: objective of these gains.
+        seed: seed of the draws.
+        tell: function that is told how far the search is.
     """
-    run = task.losses_on(task.training)
-    members = member_count(task.training)
+    run = problem.losses_on(problem.training)
+    members = member_count(problem.training)
     budget = (1 + DRAWS * GENERATIONS) * members
-    found = []
+    generations = []
     search = cma_es(
         run, free, budget, DRAWS, SPREAD, seed, members=members, known=objective
     )
     for step in search:
-        found.append(step)
+        generations.append(step)
         tell(
             f"the starting gains lose the glider; searching: generation "
             f"{step.number}/{GENERATIONS}  objective {step.loss:.3g}"
         )
-        if step.loss < ENOUGH * task.unit:
+        if step.loss < ENOUGH * problem.cost_scale:
             break
-    given, best = found[0].loss, min(found, key=lambda step: step.loss)
-    spent = found[-1].rollouts
+    given, best = generations[0].loss, min(generations, key=lambda step: step.loss)
+    spent = generations[-1].rollouts
     if not best.loss < given:
         return SearchResult(
             free,

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from jaxglider.core.containers import Series
-from tuning.problem.objective import Aggregate
+from jaxglider.core.containers import Series, choose
+from tuning.problem.aggregates import AbstractAggregate
 from tuning.search.evolution import GRADIENT_COST
 
 
@@ -72,47 +72,80 @@ class DescentSettings:
                     f"received {getattr(self, name)}."
                 )
 
-    def batch_of(self, members: int, aggregate: Aggregate) -> int:
+    def batch_of(self, members: int, aggregate: AbstractAggregate) -> int:
         """Members of a gradient: a rank or a softmax needs them all."""
-        return members if aggregate.kind != "mean" else min(self.batch, members)
+        return members if aggregate.needs_all else min(self.batch, members)
 
-    def gradient_cost(self, members: int, aggregate: Aggregate) -> int:
+    def gradient_cost(self, members: int, aggregate: AbstractAggregate) -> int:
         """Rollouts that a step counts as: its gradient, and the loss that judges it."""
         batch = self.batch_of(members, aggregate)
         lanes = batch * -(-self.copies // batch)
         return GRADIENT_COST * lanes + members
 
 
+@dataclasses.dataclass(frozen=True)
+class BlackBoxSettings:
+    """How to search without gradients.
+
+    Attributes:
+        method: name of the search, `cma` or `random`.
+        population: draws per generation; that of CMA-ES where None.
+        spread: standard deviation of the first draws, in free numbers.
+
+    Raises:
+        ValueError: an unknown method, or a number out of its range.
+    """
+
+    method: str = "cma"
+    population: int | None = None
+    spread: float = 0.5
+
+    def __post_init__(self) -> None:
+        choose("method", self.method, ("cma", "random"))
+        if self.population is not None and self.population < 4:
+            raise ValueError(
+                f"population must be at least 4; received {self.population}."
+            )
+        if not 0.0 < self.spread < float("inf"):
+            raise ValueError(f"spread must be positive; received {self.spread}.")
+
+
+class Point(eqx.Module):
+    """Free numbers of each descent with what is known there, one row each.
+
+    Attributes:
+        free: free numbers.
+        slope: gradient of the objective.
+        loss: objective of the training members.
+    """
+
+    free: jax.Array
+    slope: jax.Array
+    loss: Series
+
+
 class State(eqx.Module):
     """Where the descents stand, one row each: all that their next step depends on.
 
     Attributes:
-        number: steps made.
-        free: free numbers now.
-        slope: gradient there.
-        loss: objective there.
-        optimiser: its state.
-        shrink: share of the learning rate in force.
-        best_free: where the objective was lowest.
-        best_slope: the gradient there.
-        best_loss: the objective there.
-        chosen: free numbers that are best on the validation set.
+        number: number of steps made.
+        current: point that the next step starts from.
+        best: point where the objective was lowest.
+        chosen_free: free numbers that are best on the validation set.
         chosen_loss: validation objective there.
-        since: steps since the validation objective last made progress.
-        blind: steps in a row without a finite gradient in any lane.
+        optimiser: state of the optimiser.
+        shrink: share of the learning rate in force.
+        since: number of steps since the validation objective last made progress.
+        blind: number of steps in a row without a finite gradient in any lane.
     """
 
     number: jax.Array
-    free: jax.Array
-    slope: jax.Array
-    loss: Series
+    current: Point
+    best: Point
+    chosen_free: jax.Array
+    chosen_loss: Series
     optimiser: Any
     shrink: Series
-    best_free: jax.Array
-    best_slope: jax.Array
-    best_loss: Series
-    chosen: jax.Array
-    chosen_loss: Series
     since: jax.Array
     blind: jax.Array
 
@@ -126,13 +159,13 @@ class Step:
     """One step, of the descent that leads after it, as reported.
 
     Attributes:
-        number: of the step; 0 is the start.
+        number: number of the step; 0 is the start.
         loss: objective of the training members.
         validation: objective of the validation members, at the gains themselves.
         free: free numbers that were tried.
-        refused: they were not taken.
-        best: they are the best so far on the validation set.
-        learning_rate: in force.
+        refused: whether they were not taken.
+        best: whether they are the best so far on the validation set.
+        learning_rate: learning rate in force.
     """
 
     number: int

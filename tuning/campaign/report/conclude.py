@@ -1,11 +1,13 @@
 """What follows from a campaign's rows, written."""
 
-import argparse
+import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from jaxglider.files.writing import write_json
 from tuning.campaign.analysis.rank_correlations import drivers
+from tuning.campaign.analysis.requirements import Requirement
 from tuning.campaign.analysis.sensitivity import sensitivities
 from tuning.campaign.analysis.summary import summarise
 from tuning.campaign.report.report import write_campaign_report
@@ -13,7 +15,7 @@ from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.netcdf import write_members
 from tuning.campaign.run.rows import Rows
 from tuning.campaign.run.store import Manifest
-from tuning.reporting.console import Progress, note
+from tuning.reporting.console import Progress, SilentProgress, note
 from tuning.reporting.exit_codes import OK, VIOLATED
 
 
@@ -23,50 +25,95 @@ def exit_code(summary: dict[str, Any]) -> int:
     return VIOLATED if broken else OK
 
 
+@dataclasses.dataclass(frozen=True)
+class Conclusions:
+    """What is drawn from the rows of a campaign.
+
+    Attributes:
+        confidence: level of all intervals, in (0, 1).
+        requirements: requirements that are judged.
+        sensitivity: number of blocks for Sobol indices; 0 for rank correlations alone.
+        report: whether report.md and figures are written.
+    """
+
+    confidence: float = 0.95
+    requirements: Sequence[Requirement] = ()
+    sensitivity: int = 0
+    report: bool = True
+
+
 def conclude(
-    options: argparse.Namespace,
+    conclusions: Conclusions,
+    campaign: Campaign,
+    rows: Any,
+    about: dict[str, Any],
+    blocks: Rows | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """The summary of a campaign or of a part of it.
+
+    Args:
+        conclusions: what is drawn from the rows.
+        campaign: campaign that the rows belong to.
+        rows: rows of the campaign or of a part of it.
+        about: provenance.
+        blocks: rows for Sobol indices, or None for no sensitivities.
+        progress: line that shows how far it is; none by default.
+    """
+    table = Rows(rows, campaign.labels)
+    summary = summarise(
+        campaign.settings,
+        table,
+        campaign.kinds,
+        campaign.waypoints,
+        conclusions.confidence,
+    )
+    summary["requirements"] = [
+        entry
+        for rule in conclusions.requirements
+        for entry in rule.judged(summary["controllers"])
+    ]
+    names = campaign.uncertainty.names()
+    for number, entry in enumerate(summary["controllers"].values()):
+        entry["rank_correlations"] = drivers(table, names, number)
+    if blocks is not None:
+        if progress:
+            progress.show("differentiating ...")
+        sensitivities(campaign, conclusions.sensitivity, table, blocks, summary)
+    return summary | {"provenance": about}
+
+
+def write_conclusions(
     folder: Path,
     campaign: Campaign,
     manifest: Manifest,
     rows: Any,
-    about: dict[str, Any],
-    runs: Rows | None = None,
-) -> dict[str, Any]:
-    """Write everything that follows from the rows, and return the summary.
+    summary: dict[str, Any],
+    *,
+    report: bool,
+    progress: Progress | None = None,
+) -> None:
+    """Write summary.json, members.nc and, if asked for, report.md with its figures.
 
     Args:
-        options: confidence, requirements, and whether there is to be a report.
-        folder: of the campaign.
-        campaign: the rows belong to.
-        manifest: likewise.
-        rows: of the campaign or of a part of it.
-        about: provenance.
-        runs: for Sobol indices, or None for no sensitivities.
+        folder: folder of the campaign.
+        campaign: campaign that the rows belong to.
+        manifest: manifest of the campaign or of a part of it.
+        rows: rows of the campaign or of a part of it.
+        summary: what they come to.
+        report: whether there is to be a report.
+        progress: line that shows how far it is; none by default.
+
+    Raises:
+        OSError: the folder cannot be written.
     """
-    progress = Progress()
+    progress = progress or SilentProgress()
     progress.show(f"writing to {folder} ...")
-    table = Rows(rows, campaign.labels)
-    summary = summarise(
-        campaign.settings, table, campaign.kinds, campaign.waypoints, options.confidence
-    )
-    summary["requirements"] = [
-        entry
-        for rule in options.require
-        for entry in rule.judged(summary["controllers"])
-    ]
-    names = campaign.uncertainty.names()
-    for number, found in enumerate(summary["controllers"].values()):
-        found["rank_correlations"] = drivers(table, names, number)
-    if runs is not None:
-        progress.show("differentiating ...")
-        sensitivities(campaign, options.sensitivity, table, runs, summary)
-    summary["provenance"] = about
     write_json(folder / "summary.json", summary)
-    write_members(folder / "members.nc", manifest, rows, about)
-    if not options.no_report:
+    write_members(folder / "members.nc", manifest, rows, summary["provenance"])
+    if report:
         progress.show(f"drawing into {folder} ...")
-        write_campaign_report(folder, campaign, table, summary)
+        write_campaign_report(folder, campaign, Rows(rows, campaign.labels), summary)
     progress.clear()
-    report = ", report.md and figures" if not options.no_report else ""
-    note(f"{folder}: {len(rows)} members; summary.json, members.nc{report}.")
-    return summary
+    pages = ", report.md and figures" if report else ""
+    note(f"{folder}: {len(rows)} members; summary.json, members.nc{pages}.")

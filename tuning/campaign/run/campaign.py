@@ -4,17 +4,15 @@ It is kept beside the rows, whole files and all, so that a campaign can be gone 
 joined or run again where the files it was made from are gone or changed.
 """
 
-import argparse
 import dataclasses
 import hashlib
 import json
 import tomllib
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from jaxglider.core.toml import ConfigError
-from jaxglider.files.mission import build_mission, self_contained
+from jaxglider.files.mission import build_mission
 from jaxglider.files.uncertainty import build_uncertainty
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Scenario
@@ -27,7 +25,7 @@ from jaxglider.uncertainty.sampling import (
     SobolSequence,
 )
 from tuning.problem.case import FlightCase
-from tuning.problem.gain_sets import MISSION, PAPER, Gains
+from tuning.problem.gain_sets import Gains
 from tuning.problem.members import SWEEP
 
 
@@ -49,6 +47,8 @@ class CampaignSettings:
         until_ci: width of the interval at which to stop, or None.
         mission: the tables of a mission file, files that it names included, or None
             for a case of the paper.
+        digest: fingerprint of loops and uncertainty that were handed over from Python,
+            which no file can tell; empty otherwise.
     """
 
     scenario: str
@@ -63,6 +63,7 @@ class CampaignSettings:
     gains: tuple[Gains, ...]
     until_ci: float | None = None
     mission: dict[str, Any] | None = None
+    digest: str = ""
 
     def case(self) -> FlightCase:
         """What is flown."""
@@ -72,8 +73,12 @@ class CampaignSettings:
 
     def fingerprint(self) -> str:
         """A digest of everything that the rows depend on."""
-        told = json.dumps(dataclasses.asdict(self), sort_keys=True)
-        return hashlib.sha256(told.encode()).hexdigest()
+        table = dataclasses.asdict(self)
+        if not self.digest:
+            # As it was before campaigns could be made from Python.
+            del table["digest"]
+        text = json.dumps(table, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
 
     @classmethod
     def of(cls, told: dict[str, Any]) -> "CampaignSettings":
@@ -113,49 +118,17 @@ class Campaign:
         return self.uncertainty.scenario.reference.waypoints
 
 
-def read_settings(options: argparse.Namespace, half_width: Any) -> CampaignSettings:
-    """Settings from the options of the command line.
-
-    Args:
-        options: of `jaxglider sweep`.
-        half_width: one of the levels of uncertainty asked for: a number or a file.
-
-    Raises:
-        ValueError: a file cannot be read.
-    """
-    case = FlightCase.of_options(options)
-    words = options.gains or [MISSION if case.own is not None else PAPER]
-    return CampaignSettings(
-        scenario=case.title,
-        plant=case.plant,
-        dt=options.dt,
-        duration=options.duration,
-        precision=options.precision,
-        seed=options.seed,
-        members=options.members,
-        design=options.design,
-        uncertainty=_text(half_width),
-        gains=case.resolve(words, options.controller),
-        until_ci=options.until_ci,
-        mission=None if options.config is None else self_contained(options.config),
-    )
-
-
-def _text(half_width: float | Path) -> float | str:
-    if isinstance(half_width, float):
-        return half_width
-    try:
-        return half_width.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{half_width}: cannot be read ({error}).") from error
-
-
 def build(settings: CampaignSettings) -> Campaign:
     """Put a campaign together.
 
     Raises:
         ValueError: a number, an uncertainty or a set of gains cannot be used.
     """
+    if settings.digest:
+        raise ValueError(
+            "this campaign was made from Python, and its closed loops are in no file; "
+            "go on with it by tuning.sweep(..., out=FOLDER, resume=True)."
+        )
     case = settings.case()
     uncertainty = _uncertainty(settings.uncertainty, case.scenario)
     case = dataclasses.replace(case, scenario=uncertainty.scenario)

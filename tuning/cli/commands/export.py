@@ -21,7 +21,8 @@ from jaxglider.onboard.autopilot import autopilot
 from jaxglider.onboard.guard import Guard
 from jaxglider.signals import Command
 from jaxglider.simulation.closed_loop import ClosedLoop
-from tuning.problem.case import FlightCase, refuse_beside_mission
+from tuning.cli.session.from_options import refuse_beside_mission
+from tuning.problem.case import FlightCase
 from tuning.reporting.console import Progress, check_writable, print_result
 from tuning.reporting.exit_codes import OK
 

@@ -5,13 +5,14 @@ import sys
 
 from jaxglider.files.writing import provenance
 from tuning.campaign.analysis.summary import MEASURES, text_summary
-from tuning.campaign.report.conclude import conclude, exit_code
+from tuning.campaign.report.conclude import conclude, exit_code, write_conclusions
 from tuning.campaign.run.campaign import build
 from tuning.campaign.run.shards import join, read_shards
 from tuning.campaign.run.store import (
     read_rows,
 )
-from tuning.reporting.console import print_result
+from tuning.cli.session.from_options import conclusions
+from tuning.reporting.console import Progress, print_result
 
 
 def merge(options: argparse.Namespace) -> int:
@@ -27,6 +28,15 @@ def merge(options: argparse.Namespace) -> int:
         shards=[manifest.about for _, manifest in shards],
     )
     rows = read_rows(options.out / "rows.bin", merged.row_type())
-    summary = conclude(options, options.out, campaign, merged, rows, about)
+    summary = conclude(conclusions(options), campaign, rows, about)
+    write_conclusions(
+        options.out,
+        campaign,
+        merged,
+        rows,
+        summary,
+        report=not options.no_report,
+        progress=Progress(),
+    )
     print_result(summary, text_summary(summary), as_json=options.json)
     return exit_code(summary)

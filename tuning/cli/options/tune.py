@@ -121,10 +121,6 @@ def add_check(commands: Any) -> None:
         help="differences only; no comparison of horizons and smoothing widths",
     )
     add_output(parser)
-    nominal = {"members": 1, "validation": 1, "test": 1}
-    still = {"uncertainty": 0.0, "amplitude": 0.0, "position": 0.0}
-    choices = {"aggregate": None, "objective": None, "cost": None}
-    parser.set_defaults(**nominal, **still, **choices, gradient_memory=0.0, seed=0)
 
 
 def _add_task(parser: argparse.ArgumentParser) -> None:

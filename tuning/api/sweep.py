@@ -1,0 +1,325 @@
+"""Monte Carlo campaigns from Python: closed loops in, probabilities out."""
+
+import dataclasses
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+import tomli_w
+from matplotlib.figure import Figure
+
+from jaxglider.files.gains import encode_law
+from jaxglider.files.writing import provenance
+from jaxglider.plotting.style import PAGE, look, new_figure
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.uncertainty.members import Uncertainty
+from jaxglider.uncertainty.quantities import uniform_uncertainty
+from tuning.campaign.analysis.requirements import Requirement, requirement
+from tuning.campaign.analysis.summary import MEASURES, text_summary
+from tuning.campaign.execute import Work
+from tuning.campaign.report import figures
+from tuning.campaign.report.conclude import (
+    Conclusions,
+    conclude,
+    write_conclusions,
+)
+from tuning.campaign.run.campaign import Campaign, CampaignSettings, make_sampler
+from tuning.campaign.run.rows import COLUMNS, Rows
+from tuning.campaign.run.store import Manifest, opened, prepare
+from tuning.problem.case import FlightCase
+from tuning.problem.fingerprint import fingerprint
+from tuning.problem.gain_sets import Gains
+from tuning.problem.spec import DEFAULT_UNCERTAINTY, name_of
+from tuning.reporting.console import BarProgress, Progress, SilentProgress, note
+
+
+@dataclasses.dataclass(frozen=True)
+class SweepResult:
+    """What a campaign came to.
+
+    Attributes:
+        campaign: campaign that was run.
+        rows: rows of its members, to be read by column.
+        summary: probabilities, quantiles and comparisons as plain numbers, as they
+            stand in summary.json.
+        interrupted: whether it was stopped before its last member.
+    """
+
+    campaign: Campaign
+    rows: Rows
+    summary: dict[str, Any]
+    interrupted: bool
+
+    def __str__(self) -> str:
+        """The summary as a table."""
+        return text_summary(self.summary)
+
+    def to_xarray(self) -> Any:
+        """Draws and outcomes as an `xarray.Dataset` over members and loops.
+
+        Raises:
+            ImportError: xarray is not installed.
+        """
+        import xarray
+
+        outcomes = np.asarray(self.rows.rows["metrics"])
+        draws = {
+            name: ("member", np.asarray(self.rows.rows["values"][:, column]))
+            for column, name in enumerate(self.campaign.uncertainty.names())
+        }
+        runs = {
+            f"run_{name.replace('.', '_')}": (
+                ("member", "loop"),
+                outcomes[:, :, column],
+            )
+            for column, name in enumerate(COLUMNS)
+        }
+        return xarray.Dataset(
+            {**draws, **runs},
+            coords={
+                "member": np.asarray(self.rows.rows["member"]),
+                "loop": list(self.campaign.labels),
+            },
+        )
+
+    def plot(self) -> Figure:
+        """The distribution of each channel's error, a line for each loop."""
+        with look():
+            figure = new_figure(PAGE, 2.4)
+            figures.distributions(figure.subplots(1, 3, sharey=True), self.rows)
+        return figure
+
+    def save(
+        self, folder: str | Path, *, overwrite: bool = False, report: bool = True
+    ) -> None:
+        """Write what `jaxglider sweep` writes: rows, summary, NetCDF and report.
+
+        Args:
+            folder: folder to write to; made if it is not there.
+            overwrite: whether to discard a campaign that it holds.
+            report: whether there is to be a report with figures.
+
+        Raises:
+            ValueError: the folder holds a campaign.
+            OSError: it cannot be written.
+        """
+        out = Path(folder)
+        out.mkdir(parents=True, exist_ok=True)
+        members = self.campaign.settings.members
+        about = self.summary["provenance"]
+        manifest = Manifest.of(self.campaign, 0, members, about)
+        prepare(out, manifest, resume=False, overwrite=overwrite)
+        with opened(out, manifest.row_type(), 0) as store:
+            store.append(self.rows.rows)
+        write_conclusions(
+            out, self.campaign, manifest, self.rows.rows, self.summary, report=report
+        )
+
+
+def sweep(
+    loops: ClosedLoop | Mapping[str, ClosedLoop],
+    *,
+    uncertainty: Uncertainty | float = DEFAULT_UNCERTAINTY,
+    members: int = 1000,
+    seed: int = 0,
+    design: str = "monte-carlo",
+    until_ci: float | None = None,
+    confidence: float = 0.95,
+    require: Sequence[str] = (),
+    sensitivity: int = 0,
+    title: str = "own",
+    out: str | Path | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: bool = True,
+) -> SweepResult:
+    """Say how sure closed loops are: Monte Carlo over gliders and seas.
+
+    All loops meet the same members and are compared with the first.
+
+    Args:
+        loops: closed loop, or closed loops by name, that fly one scenario; their
+            controllers, observers and guidance gains may differ.
+        uncertainty: quantities that differ between members; or one relative half width
+            in (0, 1) for masses, inertias, coefficients and waves.
+        members: number of members; the most there can be with `until_ci`.
+        seed: seed of the members.
+        design: placement of the members, `monte-carlo`, `latin-hypercube` or `sobol`.
+        until_ci: width of the interval of leaving a funnel at which to stop.
+        confidence: level of all intervals, in (0, 1).
+        require: requirements, such as `p_violation<0.01`.
+        sensitivity: number of blocks for Sobol indices; 0 for rank correlations alone.
+        title: name of what is flown, for reports.
+        out: folder that keeps every row at once, so that what is interrupted or killed
+            can be gone on with; all results are written there.
+        resume: whether to go on with the campaign in `out`.
+        overwrite: whether to discard the campaign in `out`.
+        progress: whether to show a progress bar.
+
+    Raises:
+        ValueError: an argument cannot be used, or the loops fly different scenarios.
+        OSError: `out` cannot be written.
+    """
+    named = {"loop": loops} if isinstance(loops, ClosedLoop) else dict(loops)
+    rules = [_requirement(text) for text in require]
+    campaign = _campaign(named, uncertainty, members, seed, design, until_ci, title)
+    for rule in rules:
+        rule.check(campaign.labels, MEASURES)
+    conclusions = Conclusions(confidence, rules, sensitivity)
+    shown: Progress = BarProgress() if progress else SilentProgress()
+    if resume and out is None:
+        raise ValueError("resume goes with out, the folder of the campaign.")
+    with tempfile.TemporaryDirectory(prefix="jaxglider-") as scratch:
+        folder = Path(scratch if out is None else out)
+        result = _run(campaign, folder, conclusions, shown, resume, overwrite)
+    if out is not None:
+        manifest = Manifest.of(campaign, 0, members, result.summary["provenance"])
+        write_conclusions(
+            folder,
+            campaign,
+            manifest,
+            result.rows.rows,
+            result.summary,
+            report=True,
+            progress=shown,
+        )
+    return result
+
+
+def _run(
+    campaign: Campaign,
+    folder: Path,
+    conclusions: Conclusions,
+    progress: Progress,
+    resume: bool,
+    overwrite: bool,
+) -> SweepResult:
+    """Run what is missing of a campaign; its rows are read into memory."""
+    folder.mkdir(parents=True, exist_ok=True)
+    about = provenance(precision=campaign.settings.precision)
+    manifest = Manifest.of(campaign, 0, campaign.settings.members, about)
+    prepare(folder, manifest, resume=resume, overwrite=overwrite)
+    work, kind = Work(campaign, progress), manifest.row_type()
+    blocks, interrupted = None, False
+    with opened(folder, kind, 0) as store:
+        try:
+            work.fill(store, 0, campaign.settings.members)
+            if conclusions.sensitivity:
+                blocks = work.blocks(
+                    folder / "sobol.bin", kind, conclusions.sensitivity
+                )
+                blocks = Rows(np.array(blocks.rows), blocks.labels)
+        except KeyboardInterrupt:
+            if store.count == 0:
+                raise
+            note(f"interrupted; the summary is of {store.count} members.")
+            interrupted = True
+        rows = np.array(store.rows())
+    summary = conclude(conclusions, campaign, rows, about, blocks, progress)
+    progress.clear()
+    return SweepResult(campaign, Rows(rows, campaign.labels), summary, interrupted)
+
+
+def _campaign(
+    named: dict[str, ClosedLoop],
+    uncertainty: Uncertainty | float,
+    members: int,
+    seed: int,
+    design: str,
+    until_ci: float | None,
+    title: str,
+) -> Campaign:
+    """A campaign of closed loops that no file can tell."""
+    if not named:
+        raise ValueError("loops must hold at least one closed loop; received none.")
+    if members < 1:
+        raise ValueError(f"members must be at least 1; received {members}.")
+    first, *others = named
+    case = FlightCase.of_loop(named[first], title)
+    for name in others:
+        _check_same_scenario(first, named[first], name, named[name])
+    half_width: float | str = "from Python"
+    if not isinstance(uncertainty, Uncertainty):
+        half_width = half = float(uncertainty)
+        if not 0.0 < half < 1.0:
+            raise ValueError(f"uncertainty must be in (0, 1); received {half:g}.")
+        uncertainty = uniform_uncertainty(case.scenario, half, half)
+    flown = {
+        name: dataclasses.replace(
+            loop,
+            scenario=dataclasses.replace(
+                uncertainty.scenario,
+                reference=loop.scenario.reference,
+                funnel=case.scenario.funnel,
+            ),
+        )
+        for name, loop in named.items()
+    }
+    settings = CampaignSettings(
+        scenario=title,
+        plant=case.plant,
+        dt=None,
+        duration=None,
+        precision=8 * case.scenario.clock.dt.dtype.itemsize,
+        seed=seed,
+        members=members,
+        design=design,
+        uncertainty=half_width,
+        gains=tuple(_gain_set(name, loop) for name, loop in flown.items()),
+        until_ci=until_ci,
+        digest=fingerprint([list(flown.values()), uncertainty]),
+    )
+    return Campaign(
+        settings,
+        uncertainty,
+        make_sampler(settings, uncertainty.names()),
+        tuple(flown.values()),
+        tuple(name_of(loop.controller) for loop in flown.values()),
+    )
+
+
+def _gain_set(name: str, loop: ClosedLoop) -> Gains:
+    """What the manifest keeps of a loop: its gains, if its law has a name in files."""
+    try:
+        return Gains(name, "Python", tomli_w.dumps(encode_law(loop)))
+    except ValueError:
+        return Gains(name, "Python", "")
+
+
+def _requirement(text: str) -> Requirement:
+    """A requirement.
+
+    Raises:
+        ValueError: it cannot be read.
+    """
+    try:
+        return requirement(text)
+    except Exception as error:
+        raise ValueError(f"require: {error}") from error
+
+
+def _check_same_scenario(
+    first: str, one: ClosedLoop, name: str, other: ClosedLoop
+) -> None:
+    """Refuse loops whose runs could not be compared.
+
+    Raises:
+        ValueError: names the part in which they differ.
+    """
+    for part in (
+        "clock",
+        "plant",
+        "actuators",
+        "disturbance",
+        "initial_state",
+        "water",
+    ):
+        mine, theirs = (getattr(loop.scenario, part) for loop in (one, other))
+        if not eqx.tree_equal(mine, theirs):
+            raise ValueError(
+                f"all loops must fly one scenario; the {part} of {name!r} differs from "
+                f"that of {first!r}."
+            )

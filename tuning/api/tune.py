@@ -1,0 +1,344 @@
+"""Tuning from Python: a closed loop in, tuned gains and a held-out verdict out."""
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import tomli_w
+from matplotlib.figure import Figure
+
+from jaxglider.files.gains import encode_law
+from jaxglider.files.writing import provenance, write_json, write_text
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.rollout import Trajectory, simulate
+from jaxglider.uncertainty.members import Uncertainty
+from tuning.evaluation.held_out import Judge, Verdict, compare_held_out
+from tuning.evaluation.report import (
+    draw_gains,
+    draw_objective,
+    history_table,
+    text_report,
+    write_tuning_report,
+)
+from tuning.problem.aggregates import MEAN, AbstractAggregate
+from tuning.problem.fingerprint import fingerprint
+from tuning.problem.lanes import member_count
+from tuning.problem.objective import Cost, Weights
+from tuning.problem.objective_file import DEFAULT_WEIGHTS
+from tuning.problem.problem import TuningProblem
+from tuning.problem.spec import DEFAULT_UNCERTAINTY, EnsembleSpec, ProblemSpec
+from tuning.reporting.console import BarProgress, Progress, SilentProgress, note
+from tuning.search.black_box import search_black_box
+from tuning.search.checkpoint import Checkpoint
+from tuning.search.descend import beside, descend
+from tuning.search.settings import BlackBoxSettings, DescentSettings, Step
+from tuning.space.coordinates import K1_BELOW_K2
+
+
+@dataclasses.dataclass(frozen=True)
+class TuneResult:
+    """What tuning came to.
+
+    Attributes:
+        problem: problem that was solved.
+        loop: closed loop with the tuned gains.
+        verdict: comparison of before and after on members that tuning did not see.
+        history: steps of the search, the start first.
+        method: name of the search, `gradient`, `cma` or `random`.
+        notes: remarks on the start, the gradient and the sets.
+        interrupted: whether the search was stopped before its end; the gains are the
+            best until then.
+        seconds: time that it took [s].
+    """
+
+    problem: TuningProblem
+    loop: ClosedLoop
+    verdict: Verdict
+    history: list[Step]
+    method: str
+    notes: tuple[str, ...]
+    interrupted: bool
+    seconds: float
+
+    @property
+    def gains(self) -> dict[str, tuple[float, float]]:
+        """Value before and after of each number that was tuned, by its dotted path."""
+        space = self.problem.space
+        before, after = space.values(self.problem.loop), space.values(self.loop)
+        return {name: (before[name], after[name]) for name in before}
+
+    def __str__(self) -> str:
+        """The held-out comparison and the gains, as a table."""
+        return text_report(self.to_dict())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the history as plain numbers, as it stands in tune.json."""
+        problem = self.problem
+        sets = ("training", "validation", "test")
+        return {
+            "scenario": problem.spec.case.title,
+            "plant": problem.spec.case.plant,
+            "controller": problem.spec.controller,
+            "method": self.method,
+            "steps": self.history[-1].number,
+            "refused": sum(step.refused for step in self.history),
+            "members": {name: member_count(getattr(problem, name)) for name in sets},
+            "gains": {
+                name: {"before": before, "after": after}
+                for name, (before, after) in self.gains.items()
+            },
+            **self.verdict.to_dict(),
+            "notes": list(self.notes),
+            "seconds": round(self.seconds, 1),
+        }
+
+    def to_xarray(self) -> Any:
+        """The history as an `xarray.Dataset` over steps and names of gains.
+
+        Raises:
+            ImportError: xarray is not installed.
+        """
+        import xarray
+
+        space, loop = self.problem.space, self.problem.loop
+        gains = [
+            list(space.values(space.write(loop, step.free)).values())
+            for step in self.history
+        ]
+        columns = ("loss", "validation", "refused", "best", "learning_rate")
+        series = {
+            name: ("step", [getattr(step, name) for step in self.history])
+            for name in columns
+        }
+        return xarray.Dataset(
+            {**series, "gain": (("step", "name"), gains)},
+            coords={
+                "step": [step.number for step in self.history],
+                "name": list(space.names),
+            },
+        )
+
+    def plot(self) -> Figure:
+        """The objective and the gains that moved most, step by step."""
+        figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        draw_objective(left, self.history)
+        draw_gains(right, self.problem, self.history)
+        right.legend(fontsize=7, loc="best")
+        return figure
+
+    def trajectories(self) -> dict[str, Trajectory]:
+        """The nominal case flown `before` and `after`, on the host."""
+        run = jax.jit(simulate)
+        sea = self.problem.loop.scenario.sea(jax.random.key(0))
+        return {
+            "before": jax.device_get(run(self.problem.loop, sea)),
+            "after": jax.device_get(run(self.loop, sea)),
+        }
+
+    def save(
+        self, folder: str | Path, *, command: Sequence[str] = (), **more: Any
+    ) -> dict[str, Any]:
+        """Write gains.toml, history.csv, tune.json and report.md with its figures.
+
+        Args:
+            folder: folder to write to; made if it is not there.
+            command: words of the command line that made the result, for provenance.
+            **more: further entries of tune.json; those that are not None stand in the
+                gains file's provenance too.
+
+        Returns:
+            The content of tune.json.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        out = Path(folder)
+        about = provenance(
+            command=list(command),
+            precision=8 * self.problem.loop.scenario.clock.dt.dtype.itemsize,
+            partial=self.interrupted,
+        )
+        result = {**self.to_dict(), **more, "provenance": about}
+        words = ["jaxglider", *command] if command else ["tuning.tune", "from Python"]
+        gains = {
+            **encode_law(self.loop),
+            "provenance": {
+                "command": " ".join(words),
+                "created": about["created"],
+                "scenario": result["scenario"],
+                "plant": result["plant"],
+                **{key: value for key, value in more.items() if value is not None},
+                "versions": about["versions"],
+            },
+        }
+        write_text(out / "gains.toml", tomli_w.dumps(gains))
+        write_text(out / "history.csv", history_table(self.problem, self.history))
+        write_json(out / "tune.json", result)
+        runs = self.trajectories()
+        write_tuning_report(out, self.problem, self.history, result, self.loop, runs)
+        return result
+
+
+def tune(
+    loop: ClosedLoop,
+    *,
+    free: Sequence[str] = (),
+    members: int = 32,
+    validation: int = 32,
+    test: int = 64,
+    uncertainty: Uncertainty | float = DEFAULT_UNCERTAINTY,
+    seed: int = 0,
+    objective: Weights = DEFAULT_WEIGHTS,
+    cost: Cost | None = None,
+    aggregate: AbstractAggregate = MEAN,
+    constraints: Sequence[str] = (K1_BELOW_K2,),
+    gradient_memory: float | None = 60.0,
+    steps: int | None = None,
+    settings: DescentSettings | None = None,
+    method: BlackBoxSettings | None = None,
+    title: str = "own",
+    out: str | Path | None = None,
+    resume: bool = False,
+    check: bool = True,
+    progress: bool = True,
+) -> TuneResult:
+    """Tune the gains of a closed loop by gradient descent through its rollout.
+
+    Double precision is worth it: call `jax.config.update("jax_enable_x64", True)`
+    before the loop is made.
+
+    Args:
+        loop: closed loop with the gains to start from; any controller, also one of your
+            own.
+        free: dotted paths of what is tuned, `*` for any component; empty for all
+            numbers of the controller and its observer.
+        members: number of gliders and seas to descend on; 1 is the nominal case alone.
+        validation: number of members that the best step is chosen by.
+        test: number of members held out for the verdict.
+        uncertainty: quantities that differ between members; or one relative half width
+            in [0, 1) for masses, inertias, coefficients and waves.
+        seed: seed of members and of the search.
+        objective: weight of each term of the objective.
+        cost: cost function of metrics and of those at the start, instead of the
+            weighted terms.
+        aggregate: how the costs of members become one; the mean by default.
+        constraints: names of the coupled constraints that are held.
+        gradient_memory: memory of the gradient [s]; None for the exact one.
+        steps: number of steps, a short way to set `settings`.
+        settings: how to descend; its seed is replaced by `seed`.
+        method: search without gradients instead, on the same budget.
+        title: name of what is flown, for reports.
+        out: folder for a checkpoint after every step and for all results.
+        resume: whether to go on from the checkpoint in `out`.
+        check: whether to check the gradient against differences first.
+        progress: whether to show a progress bar.
+
+    Raises:
+        ValueError: an argument cannot be used.
+        FloatingPointError: no start completes its run.
+    """
+    spec = ProblemSpec.of_loop(
+        loop,
+        title,
+        free=(free,) if isinstance(free, str) else tuple(free),
+        ensemble=EnsembleSpec(uncertainty, members, validation, test, seed),
+        weights=objective,
+        cost=cost,
+        aggregate=aggregate,
+        constraints=tuple(constraints),
+        gradient_memory=gradient_memory,
+    )
+    chosen = settings or DescentSettings()
+    chosen = dataclasses.replace(chosen, seed=seed, steps=steps or chosen.steps)
+    result = solve(
+        spec,
+        chosen,
+        method,
+        out=out,
+        resume=resume,
+        check=check,
+        progress=BarProgress() if progress else SilentProgress(),
+    )
+    if out is not None:
+        result.save(out)
+    return result
+
+
+def solve(
+    spec: ProblemSpec,
+    settings: DescentSettings,
+    method: BlackBoxSettings | None = None,
+    *,
+    out: str | Path | None = None,
+    resume: bool = False,
+    check: bool = True,
+    progress: Progress | None = None,
+) -> TuneResult:
+    """Solve a tuning problem; nothing but the checkpoint is written.
+
+    Args:
+        spec: problem to solve.
+        settings: how to descend.
+        method: search without gradients instead, on the budget of the descent.
+        out: folder for a checkpoint after every step, or None.
+        resume: whether to go on from the checkpoint in `out`.
+        check: whether to check the gradient against differences first.
+        progress: line that shows how far it is; none by default.
+
+    Raises:
+        ValueError: the problem cannot be put together, or there is no checkpoint of it.
+        FloatingPointError: no start completes its run.
+    """
+    begun = time.monotonic()
+    progress = progress or SilentProgress()
+    checkpoint = None
+    if out is not None:
+        digest = fingerprint([spec, settings, method])
+        checkpoint = Checkpoint(Path(out) / "checkpoint.npz", digest)
+    if resume:
+        if checkpoint is None:
+            raise ValueError("resume goes with out, the folder of the checkpoint.")
+        checkpoint.about()
+    progress.show("compiling the rollout ...")
+    problem = TuningProblem.of(spec)
+    progress.clear()
+    for text in problem.space.notes:
+        note(text)
+    judge, judging = Judge(problem), []
+    try:
+        if method is None:
+            outcome = descend(
+                problem,
+                settings,
+                progress,
+                checkpoint=checkpoint,
+                resume=resume,
+                check=check,
+                # While it descends on one core, the other compiles what judges.
+                meanwhile=lambda: judging.append(beside(judge, problem.loop)),
+            )
+        else:
+            outcome = search_black_box(problem, method, settings, progress)
+    finally:
+        progress.clear()
+    # By way of the host, off all devices but one: else judging would compile twice.
+    tuned = problem.space.write(problem.loop, jnp.asarray(jax.device_get(outcome.free)))
+    progress.show("judging on held-out members ...")
+    before = judging[0].result() if judging else judge(problem.loop)
+    verdict = compare_held_out(problem, before, judge(tuned))
+    progress.clear()
+    return TuneResult(
+        problem=problem,
+        loop=tuned,
+        verdict=verdict,
+        history=outcome.history,
+        method="gradient" if method is None else method.method,
+        notes=(*problem.space.notes, *outcome.remarks),
+        interrupted=outcome.interrupted,
+        seconds=time.monotonic() - begun,
+    )

@@ -1,0 +1,222 @@
+"""Options of the command line turned into values: the only reader of a Namespace."""
+
+import argparse
+from pathlib import Path
+
+from jaxglider.core.toml import ConfigError
+from jaxglider.files.mission import load_mission, self_contained
+from jaxglider.files.uncertainty import load_uncertainty
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.scenario import Scenario
+from jaxglider.uncertainty.members import Uncertainty
+from jaxglider.uncertainty.quantities import uniform_uncertainty
+from tuning.campaign.report.conclude import Conclusions
+from tuning.campaign.run.campaign import CampaignSettings
+from tuning.problem.case import FlightCase
+from tuning.problem.gain_sets import MISSION, PAPER
+from tuning.problem.objective_file import load_cost, read_objective
+from tuning.problem.spec import EnsembleSpec, ProblemSpec
+from tuning.search.settings import BlackBoxSettings, DescentSettings
+from tuning.space.coordinates import K1_BELOW_K2
+
+DEFAULT_CONTROLLER = {
+    "printed": "fxtppc",
+    "rigid-body": "fxtppc-roll",
+    "seawing": "fxtppc-roll",
+}
+"""What is tuned where neither option nor file says; the printed glider rolls away from
+its mass, and needs no more than the paper's law."""
+
+
+def flight_case(options: argparse.Namespace) -> FlightCase:
+    """The case that a command is told: `--config`, or `--scenario` and `--plant`.
+
+    Raises:
+        ValueError: options that do not go together, or a file that cannot be used.
+    """
+    refuse_beside_mission(options)
+    if options.config is not None:
+        return FlightCase.of_mission(load_mission(options.config), options.duration)
+    scenario = options.scenario or "switching"
+    plant = options.plant or "rigid-body"
+    return FlightCase.of_paper(scenario, plant, options.dt, options.duration)
+
+
+def refuse_beside_mission(options: argparse.Namespace) -> None:
+    """Refuse options that say again what a mission file says.
+
+    Raises:
+        ValueError: names the option.
+    """
+    if options.config is None:
+        return
+    for name in ("scenario", "plant", "dt"):
+        if getattr(options, name) is not None:
+            raise ValueError(
+                f"--{name} does not go with --config; the mission file "
+                f"{options.config} says it itself. Leave it out."
+            )
+
+
+def problem_spec(options: argparse.Namespace) -> ProblemSpec:
+    """The problem that `jaxglider tune` is told.
+
+    Raises:
+        ValueError: an option or a file cannot be used.
+    """
+    case = flight_case(options)
+    controller, loop = starting_loop(options, case)
+    weights, aggregate = read_objective(options.objective, options.aggregate)
+    return ProblemSpec(
+        case=case,
+        controller=controller,
+        loop=loop,
+        free=tuple(options.free),
+        ensemble=EnsembleSpec(
+            uncertainty=_uncertainty(options, loop.scenario),
+            training=options.members,
+            validation=options.validation,
+            test=options.test,
+            seed=options.seed,
+        ),
+        weights=weights,
+        cost=load_cost(options.cost) if options.cost else None,
+        aggregate=aggregate,
+        constraints=_constraints(options),
+        gradient_memory=options.gradient_memory or None,
+    )
+
+
+def nominal_spec(options: argparse.Namespace) -> ProblemSpec:
+    """The problem that `jaxglider check-gradients` is told: the nominal case alone.
+
+    Raises:
+        ValueError: an option or a file cannot be used.
+    """
+    case = flight_case(options)
+    controller, loop = starting_loop(options, case)
+    return ProblemSpec(
+        case=case,
+        controller=controller,
+        loop=loop,
+        free=tuple(options.free),
+        ensemble=EnsembleSpec.nominal(),
+        constraints=_constraints(options),
+        gradient_memory=None,
+    )
+
+
+def starting_loop(
+    options: argparse.Namespace, case: FlightCase
+) -> tuple[str, ClosedLoop]:
+    """The name of the control law and the closed loop to start from.
+
+    Raises:
+        ValueError: the gains are for another law than asked for.
+    """
+    wanted = options.controller
+    words = [PAPER] if case.own is None else [MISSION, PAPER]
+    if options.gains is not None:
+        words = [str(options.gains)]
+    for word in words:
+        (gains,) = case.resolve([word], [wanted or DEFAULT_CONTROLLER[case.plant]])
+        controller, loop = case.loop(gains)
+        if wanted in (None, controller):
+            return controller, loop
+    raise ValueError(
+        f"--controller is {wanted}, but {options.gains} holds {controller}."
+    )
+
+
+def descent_settings(options: argparse.Namespace) -> DescentSettings:
+    """How `jaxglider tune` is told to descend.
+
+    Raises:
+        ValueError: a number is out of its range, or the optimiser is unknown.
+    """
+    return DescentSettings(
+        steps=options.steps,
+        learning_rate=options.learning_rate,
+        optimiser=options.optimizer,
+        patience=options.patience,
+        starts=options.starts,
+        seed=options.seed,
+    )
+
+
+def black_box_settings(options: argparse.Namespace) -> BlackBoxSettings | None:
+    """How `jaxglider tune` is told to search without gradients; None for a descent."""
+    if options.method == "gradient":
+        return None
+    return BlackBoxSettings(options.method, options.population, options.spread)
+
+
+def campaign_settings(
+    options: argparse.Namespace, half_width: float | Path
+) -> CampaignSettings:
+    """The settings of one campaign of `jaxglider sweep`.
+
+    Args:
+        options: options of the command.
+        half_width: one of the levels of uncertainty asked for: a number or a file.
+
+    Raises:
+        ValueError: a file cannot be read.
+    """
+    case = flight_case(options)
+    words = options.gains or [MISSION if case.own is not None else PAPER]
+    return CampaignSettings(
+        scenario=case.title,
+        plant=case.plant,
+        dt=options.dt,
+        duration=options.duration,
+        precision=options.precision,
+        seed=options.seed,
+        members=options.members,
+        design=options.design,
+        uncertainty=_text(half_width),
+        gains=case.resolve(words, options.controller),
+        until_ci=options.until_ci,
+        mission=None if options.config is None else self_contained(options.config),
+    )
+
+
+def conclusions(options: argparse.Namespace) -> Conclusions:
+    """What `jaxglider sweep` and `merge` are told to draw from the rows."""
+    return Conclusions(
+        confidence=options.confidence,
+        requirements=tuple(options.require),
+        sensitivity=getattr(options, "sensitivity", 0),
+        report=not options.no_report,
+    )
+
+
+def _constraints(options: argparse.Namespace) -> tuple[str, ...]:
+    return () if options.unconstrained else (K1_BELOW_K2,)
+
+
+def _uncertainty(options: argparse.Namespace, scenario: Scenario) -> Uncertainty:
+    """What differs between members: one half width for all, or what a file says."""
+    if isinstance(options.uncertainty, Path):
+        if options.amplitude is not None or options.position is not None:
+            raise ValueError(
+                "--amplitude and --position go with a number for --uncertainty; "
+                f"{options.uncertainty} says itself how far waves and starts differ."
+            )
+        return load_uncertainty(options.uncertainty, scenario)
+    half = options.uncertainty
+    return uniform_uncertainty(
+        scenario,
+        half,
+        half if options.amplitude is None else options.amplitude,
+        options.position or 0.0,
+    )
+
+
+def _text(half_width: float | Path) -> float | str:
+    if isinstance(half_width, float):
+        return half_width
+    try:
+        return half_width.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{half_width}: cannot be read ({error}).") from error

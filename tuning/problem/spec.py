@@ -1,0 +1,196 @@
+"""What is to be tuned, on what and for what: a tuning problem as a value."""
+
+import dataclasses
+from typing import Any
+
+from jaxglider.control import AbstractController
+from jaxglider.files.codec import FAMILIES
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.scenario import Clock
+from jaxglider.uncertainty.members import Uncertainty
+from jaxglider.uncertainty.quantities import uniform_uncertainty
+from tuning.problem.aggregates import MEAN, AbstractAggregate
+from tuning.problem.case import FlightCase
+from tuning.problem.fingerprint import fingerprint
+from tuning.problem.gain_sets import PAPER
+from tuning.problem.objective import Cost, Weights
+from tuning.problem.objective_file import DEFAULT_WEIGHTS
+from tuning.space.coordinates import K1_BELOW_K2, tunable_paths
+
+
+def name_of(controller: AbstractController) -> str:
+    """The name of a control law, or that of its class for one of the user's own."""
+    names = {cls: name for name, cls in FAMILIES[AbstractController].items()}
+    return names.get(type(controller), type(controller).__name__)
+
+
+DEFAULT_UNCERTAINTY = 0.2
+"""Relative half width of masses, inertias, coefficients and waves."""
+
+
+@dataclasses.dataclass(frozen=True)
+class EnsembleSpec:
+    """The members of a tuning problem.
+
+    Attributes:
+        uncertainty: quantities that differ between members, and how; or one relative
+            half width in [0, 1) for masses, inertias, coefficients and waves.
+        training: number of members to descend on; 1 is the nominal case alone.
+        validation: number of members that the best step is chosen by.
+        test: number of members held out for the verdict.
+        seed: seed of all members, in [0, 2³²).
+
+    Raises:
+        ValueError: a number is out of its range.
+    """
+
+    uncertainty: Uncertainty | float = DEFAULT_UNCERTAINTY
+    training: int = 32
+    validation: int = 32
+    test: int = 64
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("training", "validation", "test"):
+            if getattr(self, name) < 1:
+                raise ValueError(
+                    f"{name} must be at least 1 member; received {getattr(self, name)}."
+                )
+        if not 0 <= self.seed < 2**32:
+            raise ValueError(f"seed must be in [0, 2^32); received {self.seed}.")
+
+    @classmethod
+    def nominal(cls) -> "EnsembleSpec":
+        """The nominal case alone, for all three sets."""
+        return cls(uncertainty=0.0, training=1, validation=1, test=1)
+
+    def on(self, loop: ClosedLoop) -> Uncertainty:
+        """What differs between members that fly the scenario of a closed loop.
+
+        Raises:
+            ValueError: the half width is out of its range.
+        """
+        if isinstance(self.uncertainty, Uncertainty):
+            return self.uncertainty
+        half = float(self.uncertainty)
+        return uniform_uncertainty(loop.scenario, half, half)
+
+
+@dataclasses.dataclass(frozen=True)
+class ProblemSpec:
+    """A tuning problem as a value: everything that its result follows from.
+
+    Attributes:
+        case: what is flown.
+        controller: name of the control law.
+        loop: closed loop with the gains to start from, in the scenario of the case.
+        free: dotted paths of what is tuned, `*` for any component; empty for all
+            numbers of the law and its observer.
+        ensemble: members to tune on, to choose by and to judge by.
+        weights: weight of each term of the objective.
+        cost: cost function of the user's own, taken instead of the weighted terms; see
+            `load_cost`.
+        aggregate: how the costs of members become one.
+        constraints: names of the coupled constraints that are held; each gain's own
+            set is always held.
+        gradient_memory: memory of the gradient that is descended [s]; None for the
+            exact one. See `evaluate`.
+    """
+
+    case: FlightCase
+    controller: str
+    loop: ClosedLoop
+    free: tuple[str, ...] = ()
+    ensemble: EnsembleSpec = EnsembleSpec()
+    weights: Weights = DEFAULT_WEIGHTS
+    cost: Cost | None = None
+    aggregate: AbstractAggregate = MEAN
+    constraints: tuple[str, ...] = (K1_BELOW_K2,)
+    gradient_memory: float | None = 60.0
+
+    @classmethod
+    def of_loop(
+        cls, loop: ClosedLoop, title: str = "own", **more: Any
+    ) -> "ProblemSpec":
+        """The problem of tuning a closed loop in its own scenario.
+
+        Args:
+            loop: closed loop with the gains to start from; any controller.
+            title: name of what is flown, for reports.
+            **more: further attributes.
+
+        Raises:
+            ValueError: the loop has no controller that can be tuned.
+        """
+        if not isinstance(loop.controller, AbstractController):
+            raise ValueError(
+                "loop.controller must be an AbstractController; received "
+                f"{type(loop.controller).__name__}."
+            )
+        case = FlightCase.of_loop(loop, title)
+        judged = dataclasses.replace(loop, scenario=case.scenario)
+        return cls(case, name_of(loop.controller), judged, **more)
+
+    @classmethod
+    def of_paper(
+        cls,
+        scenario: str,
+        plant: str,
+        controller: str,
+        *,
+        gains: str = PAPER,
+        dt: float | None = None,
+        duration: float | None = None,
+        **more: Any,
+    ) -> "ProblemSpec":
+        """The problem of tuning a control law in one of the paper's cases.
+
+        Args:
+            scenario: `switching` or `waypoints`.
+            plant: name of the plant.
+            controller: name of the control law.
+            gains: gains to start from: `paper`, `tuned` or the path of a file.
+            dt: control tick [s]; the case's own by default.
+            duration: horizon [s]; the case's own by default.
+            **more: further attributes.
+
+        Raises:
+            ValueError: a name is unknown, a number out of range, or a file unusable.
+        """
+        case = FlightCase.of_paper(scenario, plant, dt, duration)
+        (chosen,) = case.resolve([gains], [controller])
+        name, loop = case.loop(chosen)
+        return cls(case, name, loop, **more)
+
+    def lasting(self, duration: float) -> "ProblemSpec":
+        """The same problem on another horizon [s].
+
+        Raises:
+            ValueError: the duration is out of range.
+        """
+        clock = self.loop.scenario.clock
+        clock = Clock.lasting(duration, float(clock.dt), clock.substeps)
+        scenario = dataclasses.replace(self.case.scenario, clock=clock)
+        timed = dataclasses.replace(self.loop.scenario, clock=clock)
+        ensemble = self.ensemble
+        if isinstance(ensemble.uncertainty, Uncertainty):
+            uncertain = dataclasses.replace(ensemble.uncertainty, scenario=timed)
+            ensemble = dataclasses.replace(ensemble, uncertainty=uncertain)
+        return dataclasses.replace(
+            self,
+            case=dataclasses.replace(self.case, scenario=scenario),
+            loop=dataclasses.replace(self.loop, scenario=timed),
+            ensemble=ensemble,
+        )
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Dotted paths of what is tuned."""
+        if self.free:
+            return self.free
+        observed = any(p.startswith("observer.") for p in tunable_paths(self.loop))
+        return ("controller", "observer") if observed else ("controller",)
+
+    def fingerprint(self) -> str:
+        """A digest of everything that the result follows from."""
+        return fingerprint(self)
