@@ -1,0 +1,197 @@
+"""The Python API: a law of one's own is tuned, swept and checked in ten lines."""
+
+import json
+import subprocess
+import sys
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+import tuning
+from jaxglider import AbstractController, ControlRecord, DesignModel, paper
+from jaxglider.control import Funnel, allocate, tracking_error
+from jaxglider.core.containers import as_float
+from jaxglider.files.gains import load_gains
+from jaxglider.signals import Channels, Command, map_fields
+from jaxglider.simulation.rollout import evaluate
+from tuning.api.tune import solve
+from tuning.problem.spec import EnsembleSpec, ProblemSpec
+from tuning.search.settings import DescentSettings
+
+DURATION, DT = 4.0, 0.1
+
+
+class ProportionalDerivative(AbstractController):
+    """U = g⁻¹(η_d'' − k_p e − k_d e' − f − h d̂)."""
+
+    model: DesignModel
+    funnel: Funnel
+    stiffness: Channels = eqx.field(default=Channels(0.02, 0.05, 0.02))
+    damping: Channels = eqx.field(default=Channels(0.2, 0.4, 0.2))
+
+    def init(self):
+        return None
+
+    def step(self, state, measurement, reference, bounds, dt):
+        error, rate = tracking_error(measurement, reference)
+        demand = map_fields(
+            lambda a, kp, kd, e, v: a - kp * e - kd * v,
+            reference.acceleration,
+            map_fields(as_float, self.stiffness),
+            map_fields(as_float, self.damping),
+            error,
+            rate,
+        )
+        small = map_fields(as_float, Command(1e-4, 1e-4, 1e-4))
+        wanted = allocate(self.model, measurement, demand, small)
+        return wanted, state, ControlRecord(error, error)
+
+
+@pytest.fixture(scope="module")
+def own():
+    loop = paper.make_loop("switching", "printed", "smc", duration=DURATION, dt=DT)
+    law = ProportionalDerivative(
+        loop.controller.model,
+        loop.controller.funnel,
+        map_fields(as_float, Channels(0.02, 0.05, 0.02)),
+        map_fields(as_float, Channels(0.2, 0.4, 0.2)),
+    )
+    return eqx.tree_at(lambda at: at.controller, loop, law)
+
+
+@pytest.fixture(scope="module")
+def tuned(own):
+    return tuning.tune(
+        own,
+        free=["controller.stiffness", "controller.damping"],
+        **{"members": 2, "validation": 2, "test": 3, "steps": 3},
+        check=False,
+        progress=False,
+    )
+
+
+def test_a_law_of_ones_own_is_tuned(own, tuned):
+    """The objective falls, and the result says of itself what it is."""
+    assert set(tuned.gains) == {
+        f"controller.{gain}.{channel}"
+        for gain in ("stiffness", "damping")
+        for channel in ("depth", "pitch", "heading")
+    }
+    assert [step.number for step in tuned.history] == [0, 1, 2, 3]
+    losses = [step.validation for step in tuned.history]
+    chosen = int(np.argmin(losses))
+    assert losses[chosen] < losses[0]
+    before, after = tuned.gains["controller.damping.heading"]
+    assert before == pytest.approx(0.2)
+    assert after == float(tuned.loop.controller.damping.heading) != before
+    assert tuned.verdict.counts["after"].members == 3
+    assert "ProportionalDerivative, own" in str(tuned)
+    # The verdict's nominal run is the loop that is handed back.
+    sea = own.scenario.sea(jax.random.key(0))
+    metrics = jax.jit(evaluate)(tuned.loop, sea)
+    np.testing.assert_allclose(
+        metrics.channels.heading.rms_error,
+        tuned.verdict.nominal["after"]["channels"]["heading"]["rms_error"],
+        rtol=1e-12,
+    )
+
+
+def test_a_result_is_a_table_and_a_picture(tuned):
+    table = tuned.to_xarray()
+    assert dict(table.sizes) == {"step": 4, "name": 6}
+    np.testing.assert_array_equal(table["loss"], [s.loss for s in tuned.history])
+    first = table["gain"].sel(step=0, name="controller.stiffness.pitch")
+    assert float(first) == pytest.approx(0.05)
+    labels = [axes.get_ylabel() for axes in tuned.plot().axes]
+    assert labels == ["objective", "gain over its start"]
+
+
+def test_gradients_of_a_law_of_ones_own_are_right(own):
+    check = tuning.check_gradients(
+        own, free=["controller.damping.pitch"], short=True, progress=False
+    )
+    assert float(check.report.error[0]) < 1e-5
+    assert "controller.damping.pitch" in str(check)
+    assert check.to_dict()["comparisons"] == []
+
+
+def test_loops_are_swept_side_by_side(own, tuned, tmp_path):
+    result = tuning.sweep(
+        {"before": own, "after": tuned.loop},
+        members=20,
+        out=tmp_path / "a",
+        progress=False,
+    )
+    assert list(result.summary["controllers"]) == ["before", "after"]
+    table = result.to_xarray()
+    assert dict(table.sizes) == {"member": 20, "loop": 2}
+    # Drawn and run alike again from the rows that are kept.
+    again = tuning.sweep(
+        {"before": own, "after": tuned.loop},
+        members=20,
+        out=tmp_path / "a",
+        resume=True,
+        progress=False,
+    )
+    np.testing.assert_array_equal(again.rows.rows, result.rows.rows)
+    summary = json.loads((tmp_path / "a" / "summary.json").read_text())
+    assert summary["members"] == 20
+    with pytest.raises(ValueError, match="holds a campaign with other options"):
+        tuning.sweep(
+            {"before": own, "after": own},
+            members=20,
+            out=tmp_path / "a",
+            resume=True,
+            progress=False,
+        )
+    with pytest.raises(ValueError, match="holds a campaign"):
+        result.save(tmp_path / "a")
+
+
+def test_loops_that_fly_different_scenarios_are_refused(own):
+    other = eqx.tree_at(lambda at: at.scenario.initial_state.depth, own, 3.0)
+    with pytest.raises(ValueError, match="initial_state of 'b' differs from that of"):
+        tuning.sweep({"a": own, "b": other}, members=2, progress=False)
+
+
+def test_what_cannot_be_tuned_is_refused(own):
+    with pytest.raises(ValueError, match="names nothing to tune"):
+        tuning.tune(own, free="controller.stifness", progress=False)
+    with pytest.raises(ValueError, match="training must be at least 1 member"):
+        tuning.tune(own, members=0, progress=False)
+    with pytest.raises(ValueError, match="resume goes with out"):
+        tuning.tune(own, resume=True, progress=False)
+    with pytest.raises(ValueError, match="uncertainty must be in"):
+        tuning.sweep(own, uncertainty=0.0, progress=False)
+
+
+def test_a_result_is_saved_as_the_command_saves_it(tmp_path):
+    """And its gains are read back as they were."""
+    spec = ProblemSpec.of_paper(
+        "switching",
+        "printed",
+        "smc",
+        dt=DT,
+        duration=DURATION,
+        free=("controller.c1",),
+        ensemble=EnsembleSpec.nominal(),
+    )
+    result = solve(spec, DescentSettings(steps=1), check=False)
+    result.save(tmp_path)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names >= {"gains.toml", "history.csv", "tune.json", "report.md"}
+    loaded = load_gains(tmp_path / "gains.toml", "switching", spec.case.model)
+    assert eqx.tree_equal(loaded.controller, result.loop.controller)
+
+
+def test_the_package_is_light_until_it_is_used():
+    code = (
+        "import sys, tuning\n"
+        "assert 'jax' not in sys.modules\n"
+        "assert {'tune', 'sweep', 'check_gradients'} <= set(dir(tuning))\n"
+        "from tuning import tune\n"
+        "assert 'jax' in sys.modules and callable(tune)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
