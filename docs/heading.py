@@ -1,4 +1,4 @@
-"""Figure and table of heading.md: `python docs/heading.py` writes heading.png."""
+"""Tables and figure of heading.md: `python docs/heading.py` writes heading.png."""
 
 import argparse
 import math
@@ -19,8 +19,7 @@ from jaxglider.plotting.style import (
     look,
     new_figure,
 )
-from jaxglider.signals import BodyAxes, Command, GliderState
-from jaxglider.signals import transmission_zeros as calm
+from jaxglider.signals import BodyAxes, Command, GliderState, zeros
 from jaxglider.trim.linear_model import STATES, linearise
 from jaxglider.trim.modes import transmission_zeros, zero_dynamics
 from jaxglider.trim.steady_motion import SteadyMotion, Target, steady_motion
@@ -42,7 +41,7 @@ def stepped(plant: AbstractPlant, motion: SteadyMotion) -> GliderState:
 
     def advance(state: GliderState, _: None) -> tuple[GliderState, GliderState]:
         def rate(at: GliderState, node: jax.Array) -> GliderState:
-            return plant.derivative(at, command, calm(BodyAxes))
+            return plant.derivative(at, command, zeros(BodyAxes))
 
         return runge_kutta_step(RK4, rate, state, jnp.asarray(TICK)), state
 
@@ -113,7 +112,7 @@ def main() -> None:
     """Print the table and write the figure."""
     parser = argparse.ArgumentParser(description=__doc__)
     here = Path(__file__).parent
-    parser.add_argument("--out", type=Path, default=here / "heading.png")
+    parser.add_argument("--out", type=Path, default=here / "images" / "heading.png")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     vehicle = load_vehicle("seawing")

@@ -6,7 +6,7 @@ the first asks for, an angle planned beforehand is added, one number every two s
 of the first two minutes after each new heading. These numbers are found by gradient
 descent through the rollout: what perfect knowledge of glider and sea could do, with no
 law to obey. Nothing is planned for the end of a segment, so that the plan cannot turn
-before it is told to. It writes heading_bound.png.
+before it is told to. It writes images/heading_bound.png.
 """
 
 import argparse
@@ -177,9 +177,8 @@ def main() -> None:
     """Plan twice, print a table and draw."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, default=300)
-    parser.add_argument(
-        "--out", type=Path, default=Path(__file__).with_name("heading_bound.png")
-    )
+    picture = Path(__file__).parent / "images" / "heading_bound.png"
+    parser.add_argument("--out", type=Path, default=picture)
     options = parser.parse_args()
     jaxglider.enable_fast_loops()
     jax.config.update("jax_enable_x64", True)
