@@ -99,6 +99,9 @@ class PointMasses:
             return np.zeros(6)
         alpha, beta = np.arctan2(v[2], v[0]), np.arcsin(v[1] / speed)
         to_body = turn_y(-alpha) @ turn_z(beta)
+        # Astern, what is damped turns with the flow.
+        behind = np.sign(alpha) * max(abs(alpha) - np.pi / 2, 0.0)
+        omega = turn_y(2.0 * behind) @ omega
         force = [
             -c["drag"] - self.b["induced_drag"] * alpha**2,
             c["side_force_slope"] * beta,

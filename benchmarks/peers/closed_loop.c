@@ -48,12 +48,12 @@ struct plan {
     real force[3][AXES]; /* at the start, in the middle, at the end */
 };
 
-/* Coefficients of the accelerations, each divided by the inertia of its row. */
+/* Coefficients of the accelerations, each divided by the inertia of its row; s = |u|. */
 #define COEFFICIENTS(_)                                                               \
     _(u_1) _(v_1) _(w_1) _(p_1) _(q_1) _(r_1) _(weight) _(arm) _(gravity) _(buoyancy) \
-    _(u_vr) _(u_wq) _(u_uw) _(u_uu) _(v_wp) _(v_ur) _(v_uv) _(w_uq) _(w_vp) _(w_uu)   \
-    _(w_uw) _(p_vw) _(p_qr) _(p_puu) _(p_uv) _(q_uw) _(q_pr) _(q_uu) _(q_quu) _(r_uv) \
-    _(r_pq) _(r_ruu)
+    _(u_vr) _(u_wq) _(u_sw) _(u_su) _(v_wp) _(v_ur) _(v_sv) _(w_uq) _(w_vp) _(w_su)   \
+    _(w_sw) _(p_vw) _(p_qr) _(p_puu) _(p_sv) _(q_uw) _(q_sw) _(q_pr) _(q_uu) _(q_quu) \
+    _(r_uv) _(r_sv) _(r_pq) _(r_ruu)
 #define SCALAR(name) real name;
 #define LANE(name) real name[LANES];
 #define OF_LANE(name) lanes->name[l],
@@ -89,9 +89,9 @@ static struct vehicle normalised(const real *c)
         m[0] / m[2], -m[1] / m[2], -c[LIFT_OFFSET] / m[2], -(c[DRAG] + c[LIFT]) / m[2],
         (m[1] - m[2]) / m[3], (m[4] - m[5]) / m[3], c[ROLL_DAMPING] / m[3],
         c[ROLL_MOMENT] / m[3],
-        (m[2] - m[0] + c[PITCH_MOMENT]) / m[4], (m[5] - m[3]) / m[4],
+        (m[2] - m[0]) / m[4], c[PITCH_MOMENT] / m[4], (m[5] - m[3]) / m[4],
         c[PITCH_OFFSET] / m[4], c[PITCH_DAMPING] / m[4],
-        (m[0] - m[1] + c[YAW_MOMENT]) / m[5], (m[3] - m[4]) / m[5],
+        (m[0] - m[1]) / m[5], c[YAW_MOMENT] / m[5], (m[3] - m[4]) / m[5],
         c[YAW_DAMPING] / m[5]};
 }
 
@@ -117,14 +117,16 @@ INLINE struct push pushed(const struct vehicle *c, real mb, real rp, real gamma)
 /* M^-1 (C nu + D nu). */
 INLINE struct velocity drifting(const struct vehicle *c, struct velocity n)
 {
-    real uu = n.u * n.u, uv = n.u * n.v, uw = n.u * n.w;
+    real s = fabs(n.u), uu = n.u * n.u, su = s * n.u, sv = s * n.v, sw = s * n.w;
+    real uv = n.u * n.v, uw = n.u * n.w;
     return (struct velocity){
-        c->u_vr * n.v * n.r + c->u_wq * n.w * n.q + c->u_uw * uw + c->u_uu * uu,
-        c->v_wp * n.w * n.p + c->v_ur * n.u * n.r + c->v_uv * uv,
-        c->w_uq * n.u * n.q + c->w_vp * n.v * n.p + c->w_uu * uu + c->w_uw * uw,
-        c->p_vw * n.v * n.w + c->p_qr * n.q * n.r + c->p_puu * n.p * uu + c->p_uv * uv,
-        c->q_uw * uw + c->q_pr * n.p * n.r + (c->q_uu + c->q_quu * n.q) * uu,
-        c->r_uv * uv + c->r_pq * n.p * n.q + c->r_ruu * n.r * uu};
+        c->u_vr * n.v * n.r + c->u_wq * n.w * n.q + c->u_sw * sw + c->u_su * su,
+        c->v_wp * n.w * n.p + c->v_ur * n.u * n.r + c->v_sv * sv,
+        c->w_uq * n.u * n.q + c->w_vp * n.v * n.p + c->w_su * su + c->w_sw * sw,
+        c->p_vw * n.v * n.w + c->p_qr * n.q * n.r + c->p_puu * n.p * uu + c->p_sv * sv,
+        c->q_uw * uw + c->q_sw * sw + c->q_pr * n.p * n.r
+            + (c->q_uu + c->q_quu * n.q) * uu,
+        c->r_uv * uv + c->r_sv * sv + c->r_pq * n.p * n.q + c->r_ruu * n.r * uu};
 }
 
 INLINE struct velocity pushing(struct velocity f, struct push b, struct attitude a)

@@ -41,14 +41,16 @@ def make_glider(dialect: Dialect, kind: type) -> tuple[Any, Any, Any]:
         """C(ν)ν + D(ν)ν."""
         m1, m2, m3, i1, i2, i3 = c[4], c[5], c[6], c[7], c[8], c[9]
         drag, lift0, lift, side = c[10], c[11], c[12], c[13]
-        uu = u * u
+        uu, speed = u * u, np.abs(u)
+        su, sv, sw = speed * u, speed * v, speed * w
+        pitching = c[16] + c[18] * q
         return (
-            m2 * v * r - m3 * w * q + lift0 * u * w - drag * uu,
-            m3 * w * p - m1 * u * r + (side - drag) * u * v,
-            m1 * u * q - m2 * v * p - lift0 * uu - (drag + lift) * u * w,
-            (m2 - m3) * v * w + (i2 - i3) * q * r + c[15] * p * uu + c[14] * u * v,
-            (m3 - m1 + c[17]) * u * w + (i3 - i1) * p * r + (c[16] + c[18] * q) * uu,
-            (m1 - m2 + c[19]) * u * v + (i1 - i2) * p * q + c[20] * r * uu,
+            m2 * v * r - m3 * w * q + lift0 * sw - drag * su,
+            m3 * w * p - m1 * u * r + (side - drag) * sv,
+            m1 * u * q - m2 * v * p - lift0 * su - (drag + lift) * sw,
+            (m2 - m3) * v * w + (i2 - i3) * q * r + c[15] * p * uu + c[14] * sv,
+            (m3 - m1) * u * w + (i3 - i1) * p * r + pitching * uu + c[17] * sw,
+            (m1 - m2) * u * v + (i1 - i2) * p * q + c[20] * r * uu + c[19] * sv,
         )
 
     @dialect.compiled

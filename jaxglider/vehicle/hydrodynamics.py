@@ -4,8 +4,19 @@ Source of the first: Yang and Mahmoudian, Eqs. for C(ν)ν and D(ν)ν, after Zh
 2013, under Assumption 1: v, w ≪ u, so V = u, sin α = w/u, sin β = v/u. Source of the
 second: Zhang, Yu, Zhang and Zhang, Ocean Engineering 60 (2013) 1-13.
 
-Deviation from the printed equations: the last term of row 4 of Dν repeats a pitch
-coefficient, −K_M0 u v; the source has none, and it is dropped.
+Deviations from the printed equations:
+
+- The last term of row 4 of Dν repeats a pitch coefficient, −K_M0 u v; the source has
+  none, and it is dropped.
+- They are printed for a glider that moves ahead, u > 0. Astern, V = u would turn drag
+  into thrust: V is |u| here, the same number ahead. So the force never does work on the
+  glider, F · v = −|u| (K_D0 V² − K_β v² + K_L w²), whichever way it moves.
+- In the frame of the flow, the damping of a glider that moves astern would drive its
+  roll and yaw: the rates are turned with the flow there; see `_met`.
+
+What the sources' moments do beyond that is theirs. They are quasi-steady: those of the
+angles of attack and sideslip may do work of either sign, a glider that is thrown astern
+swings round, and moved broadside (u = 0) small angles know no force at all.
 """
 
 import jax.numpy as jnp
@@ -46,16 +57,17 @@ def hydrodynamics(
     c = parameters
     u, v, w = velocity.surge, velocity.sway, velocity.heave
     p, q, r = velocity.roll, velocity.pitch, velocity.yaw
-    uu = u * u
+    speed = jnp.abs(u)
+    along, squared = speed * u, u * u
     return BodyAxes(
-        c.lift_offset * u * w - c.drag * uu,
-        (c.side_force_slope - c.drag) * u * v,
-        -c.lift_offset * uu - (c.drag + c.lift_slope) * u * w,
-        c.roll_damping * p * uu + c.roll_moment_slope * u * v,
-        c.pitch_moment_offset * uu
-        + c.pitch_damping * q * uu
-        + c.pitch_moment_slope * u * w,
-        c.yaw_damping * r * uu + c.yaw_moment_slope * u * v,
+        c.lift_offset * speed * w - c.drag * along,
+        (c.side_force_slope - c.drag) * speed * v,
+        -c.lift_offset * along - (c.drag + c.lift_slope) * speed * w,
+        c.roll_damping * p * squared + c.roll_moment_slope * speed * v,
+        c.pitch_moment_offset * squared
+        + c.pitch_damping * q * squared
+        + c.pitch_moment_slope * speed * w,
+        c.yaw_damping * r * squared + c.yaw_moment_slope * speed * v,
     )
 
 
@@ -70,7 +82,7 @@ def flow_frame_hydrodynamics(
 
     D = (K_D0 + K_D α²) V², SF = K_β β V², L = (K_L0 + K_L α) V², T₁ = (K_MR β + K_p p)
     V², T₂ = (K_M0 + K_M α + K_q q) V², T₃ = (K_MY β + K_r r) V²; α = atan2(w, u),
-    β = asin(v/V), R from the frame of the flow to that of the body.
+    β = asin(v/V), R from the frame of the flow to that of the body; p and r as `_met`.
     """
     c = parameters
     u, v, w = velocity.surge, velocity.sway, velocity.heave
@@ -80,6 +92,7 @@ def flow_frame_hydrodynamics(
     speed = barrier(jnp.sqrt(speed2))
     alpha, beta = barrier(direction(u, w)), barrier(direction(ahead, v))
     cos_a, sin_a, cos_b, sin_b = u / ahead, w / ahead, ahead / speed, v / speed
+    p, r = _met(p, r, cos_a, sin_a)
 
     def to_body(x: Scalar, y: Scalar, z: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         x, y, z = barrier(speed2 * x), barrier(speed2 * y), barrier(speed2 * z)
@@ -101,3 +114,17 @@ def flow_frame_hydrodynamics(
             c.yaw_moment_slope * beta + c.yaw_damping * r,
         ),
     )
+
+
+def _met(
+    roll_rate: Scalar, yaw_rate: Scalar, cos_a: Scalar, sin_a: Scalar
+) -> tuple[Scalar, Scalar]:
+    """The rates that the damping in the frame of the flow takes for p and r [rad/s].
+
+    p and r themselves as long as the glider moves ahead. Beyond |α| = π/2 they are
+    turned by 2 (|α| − π/2) about the y axis, so that R leaves of them what it leaves
+    at π − |α|: damping, not drive, and with no step in between.
+    """
+    back = jnp.minimum(cos_a, 0.0)
+    cosine, sine = 1.0 - 2.0 * back * back, -2.0 * back * sin_a
+    return cosine * roll_rate + sine * yaw_rate, cosine * yaw_rate - sine * roll_rate
