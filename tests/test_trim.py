@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from jaxglider import load_vehicle, paper
 from jaxglider.signals import BodyAxes, Command
-from jaxglider.signals import transmission_zeros as calm
+from jaxglider.signals import zeros as calm
 from jaxglider.trim.linear_model import INPUTS, STATES, linearise
 from jaxglider.trim.modes import analyse, transmission_zeros, zero_dynamics
 from jaxglider.trim.steady_motion import SteadyMotion, Target, steady_motion
