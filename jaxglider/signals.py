@@ -73,6 +73,12 @@ class GliderState(Container):
             )
         return cls(**{name: given.get(name, 0.0) for name in names})
 
+    def unturned(self) -> "GliderState":
+        """The same state with full turns taken off roll and pitch, into [−π, π)."""
+        return dataclasses.replace(
+            self, roll=frames.wrap(self.roll), pitch=frames.wrap(self.pitch)
+        )
+
     def attitude(self) -> frames.Attitude:
         """Sines and cosines of the Euler angles."""
         return frames.attitude(self.roll, self.pitch, self.heading)

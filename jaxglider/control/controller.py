@@ -31,7 +31,7 @@ class ControlRecord(eqx.Module):
     """What a controller reports of one tick; the same type for every controller.
 
     Attributes:
-        error: e = η − η_d [m, rad], heading wrapped to [−π, π).
+        error: e = η − η_d [m, rad], angles wrapped to [−π, π).
         surface: the sliding variable of each channel.
     """
 
@@ -90,10 +90,16 @@ class AbstractController(Container):
 def tracking_error(
     measurement: Measurement, reference: Reference
 ) -> tuple[Channels[Scalar], Channels[Scalar]]:
-    """e = η − η_d and e' = η' − η_d'; the heading error is wrapped to [−π, π)."""
+    """e = η − η_d and e' = η' − η_d'; errors of angles are wrapped to [−π, π).
+
+    So one attitude gives one command, however many full turns its angles hold. A law
+    that uses an angle itself, not its sine, has to wrap it too.
+    """
     s, target = measurement.state, reference.position
     error = Channels(
-        s.depth - target.depth, s.pitch - target.pitch, wrap(s.heading - target.heading)
+        s.depth - target.depth,
+        wrap(s.pitch - target.pitch),
+        wrap(s.heading - target.heading),
     )
     rate = map_fields(lambda a, b: a - b, output_rates(measurement), reference.rate)
     return error, rate

@@ -8,8 +8,9 @@ runs on meanwhile. Here the mass angle that it asks for, γ_law, becomes
 γ_asked = γ_law + a φ,
 γ       = clip(γ_asked, ±γ_max) − b p,
 
-the mass carried along with the rolling hull, kept clear of the end of its turn, and the
-roll damped. What is not carried out is taken out of the integral of the surface,
+φ in [−π, π): the mass carried along with the rolling hull, kept clear of the end of its
+turn, and the roll damped. What is not carried out is taken out of the integral of the
+surface,
 
 s = ε₂ + ∫ (A − η λ ν_h) dt,    ν_h = g (U_applied − U_asked),
 
@@ -37,6 +38,7 @@ from jaxglider.control.fxtppc import FxTPPC
 from jaxglider.control.performance import Bound
 from jaxglider.core.containers import Scalar, as_float, check_interval
 from jaxglider.core.numerics import saturate
+from jaxglider.core.rotations import wrap
 from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
 from jaxglider.vehicle.design_model import DesignModel
 
@@ -135,7 +137,7 @@ class RollAwareFxTPPC(AbstractController):
             integral, measurement, reference, bounds, dt
         )
         glider = measurement.state
-        angle = wanted.mass_angle + self.roll_share * glider.roll
+        angle = wanted.mass_angle + self.roll_share * wrap(glider.roll)
         asked = Command(wanted.buoyancy_mass, wanted.mass_position, angle)
         steered = Command(
             asked.buoyancy_mass,

@@ -50,9 +50,13 @@ class ClosedLoop(eqx.Module):
     observer: AbstractObserver
 
     def init(self) -> Carry:
-        """Everything before the first tick."""
+        """Everything before the first tick.
+
+        Roll and pitch start without full turns: metrics count what is turned from then
+        on. Laws do not care, see `tracking_error`.
+        """
         scenario = self.scenario
-        state = scenario.initial_state
+        state = scenario.initial_state.unturned()
         return Carry(
             state,
             zeros(Command, state.surge),
