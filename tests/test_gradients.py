@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 
-from jaxglider import RollAwareFxTPPC, map_members, paper
+from jaxglider import Calm, RollAwareFxTPPC, map_members, paper
 from jaxglider.control import AbstractController, ControlRecord, tracking_error
 from jaxglider.control.observer import NoObserver
 from jaxglider.core.differentiation import value_and_gradient
@@ -383,3 +383,63 @@ def test_checkpoints_divide_the_run():
     for wrong in (0, 3):
         with pytest.raises(ValueError, match=f"divide the 20 ticks; received {wrong}"):
             evaluate(loop, sea, checkpoint_every=wrong)
+
+
+def test_where_an_error_or_a_command_stays_exactly_zero_gradients_are_right():
+    """A straight dive from rest, due north, keeps its heading to the last bit.
+
+    And a glider that is asked for nothing at all has no error in any channel. A root
+    mean square has a kink there: its gradient is the middle of the two slopes.
+    """
+    loop = paper.make_loop(duration=10.0)
+    loop = eqx.tree_at(lambda x: x.scenario.disturbance, loop, Calm())
+    sea = loop.scenario.sea(jax.random.key(0))
+    start, _ = ravel_pytree(loop.controller.gains)
+    rebuild = ravel_pytree(loop.controller.gains)[1]
+    schedule = lambda x: x.scenario.reference.schedule
+
+    def errors(gains, heading, angle, depth_rate):
+        segments = jnp.ones_like(schedule(loop).start)
+        changed = eqx.tree_at(
+            lambda x: (
+                x.controller.gains,
+                x.scenario.initial_state.heading,
+                schedule(x).gliding_angle,
+                schedule(x).depth_rate,
+                schedule(x).heading,
+            ),
+            loop,
+            (rebuild(gains), heading, *(segments * v for v in (angle, depth_rate, 0))),
+        )
+        c = evaluate(changed, sea).channels
+        return jnp.stack(
+            [
+                getattr(getattr(c, channel), measure)
+                for channel in ("depth", "pitch", "heading")
+                for measure in ("rms_error", "rms_effort", "chattering")
+            ]
+        )
+
+    def both(*at):
+        return errors(*at), jax.jacrev(errors, (0, 1))(*at)
+
+    h = 1e-5
+    cases = [(start, 0.0, -0.6, 0.1), (start, 0.0, 0.0, 0.0)]
+    for n in range(start.size):
+        step = jnp.zeros_like(start).at[n].set(h * start[n])
+        cases += [(start + step, 0.0, -0.6, 0.1), (start - step, 0.0, -0.6, 0.1)]
+    cases += [(start, h, -0.6, 0.1), (start, -h, -0.6, 0.1)]
+    columns = [jnp.asarray(np.stack(c)) for c in zip(*cases, strict=True)]
+    values, (slopes, by_heading) = jax.jit(jax.vmap(both))(*columns)
+    np.testing.assert_array_equal(values[0, 6:], 0.0)
+    np.testing.assert_array_equal(values[1], 0.0)
+    np.testing.assert_array_equal(slopes[1], 0.0)
+    plus, minus = values[2:-2:2], values[3:-2:2]
+    central = (plus - minus) / (2 * h)
+    scaled = np.asarray(slopes[0]).T * np.asarray(start)[:, None]
+    np.testing.assert_allclose(scaled, central, rtol=1e-5, atol=1e-9)
+    assert np.abs(scaled).max() > 1e-3
+    ahead, behind = ((values[i] - values[0])[6:] / h for i in (-2, -1))
+    assert np.all(ahead[:2] > 0.1)
+    np.testing.assert_allclose(ahead, behind, rtol=1e-6)
+    np.testing.assert_allclose(by_heading[0, 6:], 0.5 * (ahead - behind), atol=1e-6)

@@ -15,8 +15,10 @@ from jaxglider import GliderState, paper
 from jaxglider.control.funnel import Limits
 from jaxglider.control.performance import unbounded
 from jaxglider.core.containers import as_float
+from jaxglider.files.results import metrics_dict
 from jaxglider.signals import Channels, Command, zeros
 from jaxglider.simulation.metrics import add_tick, empty_sums, finish
+from jaxglider.simulation.start import start_warnings
 
 DURATION = 20.0
 COMMANDS = {
@@ -90,7 +92,7 @@ def recomputed(loop, ticks):
             width = 1 / np.cosh(duration / (duration - clock) / np.cosh(p0)) + final
         result[channel] = {
             "max_error": np.abs(e).max(),
-            "max_error_settled": np.abs(e[settled]).max() if settled.any() else 0.0,
+            "max_error_settled": np.abs(e[settled]).max() if settled.any() else np.nan,
             "rms_error": np.sqrt(np.mean(e**2)),
             "rms_effort": np.sqrt(np.mean(u**2)),
             "chattering": np.sqrt(np.sum(np.diff(u) ** 2) / len(u)),
@@ -183,7 +185,8 @@ def test_measures_of_a_run_of_three_ticks_by_hand():
     found = finish(sums, state, jnp.asarray(2, jnp.int32), jnp.asarray(0.5))
     depth = found.channels.depth
     assert float(depth.max_error) == 4.0
-    assert float(depth.max_error_settled) == 0.0
+    # A funnel that never settled says nothing, and must not read as perfect.
+    assert np.isnan(depth.max_error_settled)
     np.testing.assert_allclose(depth.rms_error, math.sqrt((9 + 16 + 2.25) / 3))
     np.testing.assert_allclose(depth.rms_effort, math.sqrt(21 / 3))
     # The first command is no change: nothing was held before it.
@@ -224,8 +227,34 @@ def test_number_that_is_not_finite_raises_a_flag_wherever_it_hides(bad):
 
 def test_sums_start_at_zero_in_the_precision_of_the_state():
     sums = empty_sums(jnp.zeros((), jnp.float32))
-    for leaf in jax.tree.leaves(sums):
+    for path, leaf in jax.tree_util.tree_leaves_with_path(sums):
         assert leaf.dtype == jnp.float32
-        assert float(leaf) == 0.0
+        # Below zero until the funnel settles.
+        unsettled = path[-1].name == "max_error_settled"
+        assert float(leaf) == (-1.0 if unsettled else 0.0)
     assert array(zeros(Channels)).tolist() == [0.0] * 3
     assert {f.name for f in dataclasses.fields(sums)} >= {"ticks", "channels"}
+
+
+def at_its_goal(duration=5.0):
+    """A course whose one waypoint is within its radius at the start."""
+    loop = paper.make_loop("waypoints", duration=duration)
+    at = lambda x: (x.scenario.reference.north, x.scenario.reference.east)
+    return eqx.tree_at(at, loop, (jnp.asarray([1.0]), jnp.asarray([2.0])))
+
+
+def test_a_run_that_is_over_at_its_start_violates_nothing(simulate_jit):
+    loop = at_its_goal()
+    metrics = simulate_jit(loop, loop.scenario.sea(jr.key(0))).metrics
+    assert float(metrics.end_time) == 0.0
+    assert int(metrics.waypoints_reached) == 1
+    assert bool(metrics.finite)
+    assert not bool(metrics.capsized)
+    for channel in vars(metrics.channels).values():
+        values = dict(vars(channel))
+        assert np.isnan(values.pop("max_error_settled"))
+        assert set(map(float, values.values())) == {0.0}
+    plain = metrics_dict(metrics, has_waypoints=True)
+    assert {v for c in plain["channels"].values() for v in c.values()} == {None}
+    (warning,) = start_warnings(loop)
+    assert warning.startswith("nothing is flown")

@@ -199,6 +199,20 @@ def test_signed_power_varies_with_its_exponent_as_finite_differences_say():
     assert float(at_zero) == 0.0
 
 
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_square_root_is_the_native_one_but_for_its_slope_at_zero(dtype):
+    x = jnp.asarray([1e-30, 1e-3, 0.3, 2.0, 1e20], dtype)
+    np.testing.assert_array_equal(jax.vmap(numerics.square_root)(x), jnp.sqrt(x))
+    slope = jax.vmap(jax.grad(numerics.square_root))
+    np.testing.assert_array_equal(slope(x), jax.vmap(jax.grad(jnp.sqrt))(x))
+    zero = jnp.zeros((), dtype)
+    assert jax.grad(numerics.square_root)(zero) == 0.0
+    assert jax.jacfwd(numerics.square_root)(zero) == 0.0
+    # The middle of the one-sided slopes of |x|, -1 and 1; the native one gives NaN.
+    assert jax.grad(lambda y: numerics.square_root(y * y))(zero) == 0.0
+    assert np.isnan(numerics.square_root(-zero - 1.0))
+
+
 def test_saturate_clips_both_ways_and_passes_slopes_only_inside():
     x = jnp.array([-5.0, -0.39, 0.0, 0.39, 5.0])
     limit = jnp.asarray(0.4)

@@ -35,6 +35,26 @@ def _faded_jvp(
     return primals[0], primals[1] * tangents[0]
 
 
+@jax.custom_jvp
+def square_root(x: Scalar) -> Scalar:
+    """√x for x ≥ 0, of slope zero where x is zero.
+
+    The slope of the native one is infinite there, and times the zero that an error of
+    exactly zero hands on, NaN: the whole gradient of a rollout is lost. A root mean
+    square, a speed or a distance has a kink at zero, and zero is its middle slope.
+    """
+    return jnp.sqrt(x)
+
+
+@square_root.defjvp
+def _square_root_jvp(
+    primals: tuple[Scalar], tangents: tuple[Scalar]
+) -> tuple[Scalar, Scalar]:
+    value, (dot,) = square_root(*primals), tangents
+    slope = jnp.where(value == 0.0, 0.0, 0.5 / jnp.where(value == 0.0, 1.0, value))
+    return value, dot * slope
+
+
 def modulus_powers(
     x: Scalar, exponents: Sequence[Scalar], smoothing: Scalar
 ) -> tuple[Scalar, ...]:

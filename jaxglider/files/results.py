@@ -40,6 +40,9 @@ _STANDARD_NAMES = {"depth": "depth", "roll": "platform_roll", "pitch": "platform
 def metrics_dict(metrics: Metrics, *, has_waypoints: bool) -> dict[str, Any]:
     """Metrics as plain numbers; what is not finite becomes None.
 
+    So do the measures of a run that was over before its first tick: its zeros would
+    read as perfect.
+
     Args:
         metrics: of one run.
         has_waypoints: whether the reference was a waypoint path.
@@ -48,9 +51,8 @@ def metrics_dict(metrics: Metrics, *, has_waypoints: bool) -> dict[str, Any]:
         name: {key: _plain(value) for key, value in vars(channel).items()}
         for name, channel in vars(metrics.channels).items()
     }
-    for channel in channels.values():
-        # Zero says that the funnel never settled, and would read as perfect.
-        channel["max_error_settled"] = channel["max_error_settled"] or None
+    if not metrics.end_time > 0.0:
+        channels = {name: dict.fromkeys(of) for name, of in channels.items()}
     return {
         "end_time_s": _plain(metrics.end_time),
         "finite": bool(metrics.finite),

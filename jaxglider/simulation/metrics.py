@@ -7,6 +7,8 @@ mass, pitch with the position of the moving mass, heading with its angle. max |e
 also given over t* > T alone, where the funnel has reached its final bound.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,6 +16,7 @@ import jax.numpy as jnp
 from jaxglider.control.funnel import Limits
 from jaxglider.control.performance import Bound
 from jaxglider.core.containers import Flag, Scalar
+from jaxglider.core.numerics import square_root
 from jaxglider.signals import Channels, Command, GliderState, map_fields
 
 
@@ -21,6 +24,7 @@ class ChannelSums(eqx.Module):
     """Running sums of one channel; `outside` and `saturated` count ticks.
 
     `crowding` and `excess` are smooth stand-ins for these two, for gradients.
+    `max_error_settled` is below zero until the funnel settles.
     """
 
     error_squared: Scalar
@@ -49,7 +53,7 @@ class ChannelMetrics(eqx.Module):
 
     Attributes:
         max_error: max |e| [m or rad].
-        max_error_settled: the same over t* > T; zero if that was never reached.
+        max_error_settled: the same over t* > T; NaN if that was never reached.
         rms_error: L2[e] [m or rad].
         rms_effort: L2[U], applied [kg, m or rad].
         chattering: L2[ΔU], applied, per tick [kg, m or rad].
@@ -77,7 +81,7 @@ class ChannelMetrics(eqx.Module):
 
 
 class Metrics(eqx.Module):
-    """What came of a rollout.
+    """What came of a rollout; zeros where it was over before its first tick.
 
     Attributes:
         channels: measures of each channel.
@@ -102,6 +106,7 @@ def empty_sums(like: Scalar) -> Sums:
     """Sums before the first tick, in the precision of `like`."""
     zero = jnp.zeros_like(like)
     empty = ChannelSums(*(zero,) * 10)
+    empty = dataclasses.replace(empty, max_error_settled=zero - 1.0)
     return Sums(zero, Channels(empty, empty, empty), zero, zero)
 
 
@@ -147,7 +152,7 @@ def add_tick(
             s.effort_squared + u * u,
             s.change_squared + jnp.where(first, 0.0, u - h) ** 2,
             jnp.maximum(s.max_error, size),
-            jnp.maximum(s.max_error_settled, jnp.where(b.settled, size, 0.0)),
+            jnp.maximum(s.max_error_settled, jnp.where(b.settled, size, -1.0)),
             s.outside + jnp.where(outside, 1.0, 0.0),
             s.saturated + jnp.where(w != u, 1.0, 0.0),
             jnp.maximum(s.peak, nearness),
@@ -187,15 +192,16 @@ def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Me
         reached: waypoints reached or segments completed.
         dt: tick [s].
     """
-    n = sums.ticks
+    # Where no tick was flown there is nothing to be wrong: all sums are zero.
+    n = jnp.maximum(sums.ticks, 1.0)
 
     def close(s: ChannelSums) -> ChannelMetrics:
         return ChannelMetrics(
             s.max_error,
-            s.max_error_settled,
-            jnp.sqrt(s.error_squared / n),
-            jnp.sqrt(s.effort_squared / n),
-            jnp.sqrt(s.change_squared / n),
+            jnp.where(s.max_error_settled < 0.0, jnp.nan, s.max_error_settled),
+            square_root(s.error_squared / n),
+            square_root(s.effort_squared / n),
+            square_root(s.change_squared / n),
             s.outside / n,
             s.saturated / n,
             s.peak,
@@ -209,7 +215,7 @@ def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Me
         finite = finite & jnp.isfinite(leaf)
     return Metrics(
         map_fields(close, sums.channels),
-        n * dt,
+        sums.ticks * dt,
         sums.max_roll,
         sums.max_pitch,
         reached,

@@ -11,8 +11,13 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 
 
 def start_warnings(loop: ClosedLoop) -> list[str]:
-    """What is odd about the start: channels whose error begins outside the funnel."""
-    error, limits = jax.jit(_start)(loop)
+    """What is odd about the start: a course that is over, errors outside the funnel."""
+    error, limits, finished = jax.jit(_start)(loop)
+    if bool(finished):
+        return [
+            "nothing is flown: the last waypoint is reached where the glider starts. "
+            "Move the waypoint or the start, or make its radius smaller."
+        ]
     found = []
     for channel in ("depth", "pitch", "heading"):
         e, edge = getattr(error, channel), getattr(limits, channel)
@@ -25,8 +30,8 @@ def start_warnings(loop: ClosedLoop) -> list[str]:
     return found
 
 
-def _start(loop: ClosedLoop) -> tuple[Channels[Scalar], Channels[Limits]]:
-    """Error and edges of the funnel in the first tick."""
+def _start(loop: ClosedLoop) -> tuple[Channels[Scalar], Channels[Limits], jax.Array]:
+    """Error and edges of the funnel in the first tick, and whether all is over."""
     scenario = loop.scenario
     state = scenario.initial_state
     planned = scenario.reference.plan(jnp.zeros_like(scenario.clock.dt)[None])
@@ -39,4 +44,5 @@ def _start(loop: ClosedLoop) -> tuple[Channels[Scalar], Channels[Limits]]:
         carry.reference, first, measurement, scenario.clock.dt
     )
     error, _ = tracking_error(measurement, reference)
-    return error, loop.controller.limits(loop.controller.bounds(reference.clock))
+    limits = loop.controller.limits(loop.controller.bounds(reference.clock))
+    return error, limits, reference.finished

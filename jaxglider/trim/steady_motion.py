@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 
 from jaxglider.core import rotations as frames
 from jaxglider.core.containers import Container, Flag, Scalar, as_float
+from jaxglider.core.numerics import square_root
 from jaxglider.signals import BodyAxes, Command, GliderState, zeros
 from jaxglider.vehicle.plant import AbstractPlant
 
@@ -99,7 +100,7 @@ class SteadyMotion(eqx.Module):
     def speed(self) -> Scalar:
         """V [m/s]."""
         s = self.state
-        return jnp.sqrt(s.surge**2 + s.sway**2 + s.heave**2)
+        return square_root(s.surge**2 + s.sway**2 + s.heave**2)
 
     def angle_of_attack(self) -> Scalar:
         """α [rad]."""
@@ -107,7 +108,9 @@ class SteadyMotion(eqx.Module):
 
     def sideslip(self) -> Scalar:
         """β [rad]."""
-        return jnp.arcsin(self.state.sway / self.speed())
+        s = self.state
+        ahead = square_root(s.surge**2 + s.heave**2)
+        return frames.direction(ahead, s.sway)
 
     def sink_rate(self) -> Scalar:
         """Z' [m/s]."""
@@ -118,7 +121,7 @@ class SteadyMotion(eqx.Module):
         """Speed over ground [m/s]."""
         s = self.state
         north, east, _ = frames.body_to_ned(s.attitude(), s.surge, s.sway, s.heave)
-        return jnp.sqrt(north**2 + east**2)
+        return square_root(north**2 + east**2)
 
     def glide_angle(self) -> Scalar:
         """ξ [rad] of the path, negative for a dive."""

@@ -9,6 +9,8 @@ alone fixes the angle of attack.
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Scalar
+from jaxglider.core.numerics import square_root
+from jaxglider.core.rotations import direction
 from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.vehicle.full_plant import FullPlant
 from jaxglider.vehicle.mass_matrix import mass_matrix
@@ -92,9 +94,11 @@ def glide_polar(
     zero = jnp.zeros_like(alpha)
     u, w = jnp.cos(alpha), jnp.sin(alpha)
     force = plant.water(BodyAxes(u, zero, w, zero, zero, zero))
-    size = jnp.sqrt(force.surge**2 + force.heave**2)
-    along = (u * force.surge + w * force.heave) / size
+    size = square_root(force.surge**2 + force.heave**2)
+    along = u * force.surge + w * force.heave
+    across = jnp.abs(u * force.heave - w * force.surge)
     speed = jnp.sqrt(jnp.abs(buoyancy_mass) * plant.parameters.gravity / size)
     upward = jnp.sign(buoyancy_mass) * force.heave < 0.0
     held = (along < 0.0) & upward
-    return jnp.where(held, jnp.sign(buoyancy_mass) * jnp.arcsin(along), jnp.nan), speed
+    slope = jnp.sign(buoyancy_mass) * direction(across, along)
+    return jnp.where(held, slope, jnp.nan), speed
