@@ -55,6 +55,7 @@ EXAMPLE = {
     "b": jnp.zeros((), bool),
 }
 TABLE = jnp.asarray([2.0, 3.0, 5.0, 7.0, 11.0])
+LONG = jnp.arange(40.0) ** 2
 GRID = jnp.arange(12.0).reshape(3, 4)
 
 
@@ -126,7 +127,12 @@ def everything(p, g):
         *(k.astype(float), x.astype(bool), b.astype(float), b.astype(jnp.int32)),
         *(jnp.nan_to_num(x).astype(jnp.int32), k.astype(bool)),
         lax.switch(k, [lambda: x, lambda: y, lambda: x * 2.0]),
-        select(k, list(TABLE)),
+        *(select(k, TABLE), select(7 * k, LONG), (LONG * x)[k]),
+        *(
+            LONG[k],
+            LONG.at[9 * k].get(mode="fill"),
+            lax.dynamic_slice(LONG, (k,), (2,)),
+        ),
         TABLE[k],
         TABLE.at[k].get(mode="fill"),
         lax.dynamic_slice(GRID, (k, m), (2, 2)),
@@ -220,11 +226,12 @@ def test_what_has_no_form_in_c_is_refused_by_name(function, name):
     assert "cannot be exported" in said
 
 
-def test_long_scans_and_tables_are_refused():
+def test_long_scans_and_wide_tables_are_refused():
     said = _refused(lambda p, g: lax.fori_loop(0, 100, lambda n, v: v + g["y"], g["x"]))
     assert "a scan of 100 steps" in said
-    said = _refused(lambda p, g: jnp.arange(3000.0)[g["k"]])
-    assert "3000 places" in said
+    wide = jnp.zeros((40, 40))
+    said = _refused(lambda p, g: wide[g["k"], g["m"]])
+    assert "1600 places" in said
 
 
 def test_equal_statements_are_shared_and_unused_ones_left_out():

@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from jaxglider.core.containers import Counter, Scalar
+from jaxglider.core.containers import Counter, Scalar, Series
 from jaxglider.core.elementary import arctan as arctan
 from jaxglider.core.elementary import barrier as barrier
 from jaxglider.core.elementary import exp2, log2
@@ -100,15 +100,13 @@ def saturate(x: Scalar, limit: Scalar) -> Scalar:
     return jnp.clip(x, -limit, limit)
 
 
-def select(index: Counter, values: Sequence[Scalar]) -> Scalar:
-    """values[index] for a traced index, the last value past the end.
+def select(index: Counter, values: Series) -> Scalar:
+    """values[index] for a traced index from 0 on, the last value past the end.
 
-    A chain of elementwise selections: it vectorises over lanes, a gather does not.
+    One look-up whatever their number: a chain of selections as long as the list took
+    half a second to compile for each entry, and is no faster for five.
     """
-    chosen = values[-1]
-    for i in range(len(values) - 2, -1, -1):
-        chosen = jnp.where(index == i, values[i], chosen)
-    return chosen
+    return values.at[index].get(mode="clip")
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))

@@ -6,6 +6,7 @@ of (ω Δt)²/8: 3e-7 for the paper's at 20 Hz.
 """
 
 from abc import abstractmethod
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -22,6 +23,9 @@ from jaxglider.core.containers import (
 )
 from jaxglider.core.numerics import sincos
 from jaxglider.signals import BodyAxes, map_fields
+
+FEW = 3
+"""Terms of one kind that are realised one by one; more of them, in a loop."""
 
 
 class AbstractDisturbance(Container):
@@ -150,10 +154,31 @@ class Sum(AbstractDisturbance):
 
     def realise(self, key: jax.Array, times: Series) -> BodyAxes[Series]:
         """The sum of the realisations."""
+        kinds: dict[Any, list[int]] = {}
+        for number, term in enumerate(self.terms):
+            kinds.setdefault(jax.tree.structure(term), []).append(number)
         total = Calm().realise(key, times)
         for number, term in enumerate(self.terms):
-            total = total + term.realise(jr.fold_in(key, number), times)
+            if len(kinds[jax.tree.structure(term)]) <= FEW:
+                total = total + term.realise(jr.fold_in(key, number), times)
+        for numbers in kinds.values():
+            if len(numbers) > FEW:
+                total = total + self._alike(key, numbers, times)
         return total
+
+    def _alike(
+        self, key: jax.Array, numbers: list[int], times: Series
+    ) -> BodyAxes[Series]:
+        """The sum of terms of one kind: one program, whatever their number."""
+        terms = (self.terms[number] for number in numbers)
+        stacked = jax.tree.map(lambda *x: jnp.stack(x), *terms)
+
+        def add(total: BodyAxes[Series], one: Any) -> tuple[BodyAxes[Series], None]:
+            number, term = one
+            return total + term.realise(jr.fold_in(key, number), times), None
+
+        start = Calm().realise(key, times)
+        return lax.scan(add, start, (jnp.asarray(numbers), stacked))[0]
 
 
 class ScaledDisturbance(AbstractDisturbance):

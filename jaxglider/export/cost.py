@@ -34,7 +34,9 @@ _CLASSES = {
         *("select", "max", "min", "sign", "floor", "ceil", "round", "clamp"),
         *("eq", "ne", "lt", "le", "gt", "ge", "is_finite"),
     ),
-    "logic and integers": ("and", "or", "xor", "not", "convert", "shift", "bits"),
+    "logic and integers": (
+        *("and", "or", "xor", "not", "convert", "shift", "bits", "look_up", "table"),
+    ),
 }
 _CYCLES = {
     "additions": (1, 65),

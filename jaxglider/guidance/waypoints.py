@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.core.containers import (
+    Counter,
     Scalar,
     Series,
     as_float,
@@ -165,9 +166,8 @@ class WaypointPath(AbstractReference):
     ) -> tuple[Reference, PathState]:
         """Switch if the waypoint is reached, then guide along the leg."""
         s, vertical = measurement.state, planned.vertical
-        legs = self._legs()
-        path = self._switch(state, s, planned.time, legs)
-        leg = jax.tree.map(lambda *x: select(path.target, x), *legs)
+        path = self._switch(state, s, planned.time)
+        leg = self._leg(path.target)
         off_north, off_east = s.north - leg.north, s.east - leg.east
         north_rate, east_rate, _ = body_to_ned(
             measurement.attitude, s.surge, s.sway, s.heave
@@ -195,17 +195,14 @@ class WaypointPath(AbstractReference):
         )
         return reference, following
 
-    def _switch(
-        self, state: PathState, s: GliderState, time: Scalar, legs: list[Leg]
-    ) -> PathState:
-        north = s.north - select(state.target, list(self.north))
-        east = s.east - select(state.target, list(self.east))
+    def _switch(self, state: PathState, s: GliderState, time: Scalar) -> PathState:
+        leg = self._leg(state.target)
+        north = s.north - select(state.target, self.north)
+        east = s.east - select(state.target, self.east)
         squared = north**2 + east**2
         near = squared <= self.radius**2
         if self.abeam is not None:
-            cosine = select(state.target, [leg.cosine for leg in legs])
-            sine = select(state.target, [leg.sine for leg in legs])
-            passed = cosine * north + sine * east >= 0.0
+            passed = leg.cosine * north + leg.sine * east >= 0.0
             near = near | (passed & (squared <= self.abeam**2))
         last = state.target >= self.north.shape[0] - 1
         switch = near & ~last
@@ -216,14 +213,14 @@ class WaypointPath(AbstractReference):
             state.finished | (near & last),
         )
 
-    def _legs(self) -> list[Leg]:
-        """All legs: the same in every tick, so the compiler takes them out of it."""
-        north = [self.start_north, *self.north]
-        east = [self.start_east, *self.east]
-        legs = []
-        for n in range(len(north) - 1):
-            ahead, aside = north[n + 1] - north[n], east[n + 1] - east[n]
-            length = jnp.hypot(ahead, aside)
-            azimuth = jnp.arctan2(aside, ahead)
-            legs.append(Leg(north[n], east[n], ahead / length, aside / length, azimuth))
-        return legs
+    def _leg(self, target: Counter) -> Leg:
+        """The leg that ends at a waypoint."""
+        before = jnp.maximum(target - 1, 0)
+        first = target == 0
+        north = jnp.where(first, self.start_north, select(before, self.north))
+        east = jnp.where(first, self.start_east, select(before, self.east))
+        ahead = select(target, self.north) - north
+        aside = select(target, self.east) - east
+        length = jnp.hypot(ahead, aside)
+        azimuth = jnp.arctan2(aside, ahead)
+        return Leg(north, east, ahead / length, aside / length, azimuth)

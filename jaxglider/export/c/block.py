@@ -115,6 +115,18 @@ class Block:
             self._seen[key] = tuple(Number(k, n, varies) for n, k in defines)
         return self._seen[key]
 
+    def table(self, kind: str, values: Sequence[Number]) -> Number:
+        """An array of scalars, to be indexed; its text is the array's name."""
+        given = ", ".join(x.text for x in values)
+        key = (f"{kind}[]", given)
+        if key not in self._seen:
+            varies = any(x.varies for x in values)
+            name = f"v{len(self.statements)}"
+            line = f"const {C_TYPES[kind]} {name}[] = {{{given}}};"
+            self._add(((name, kind),), line, values, "table", varies)
+            self._seen[key] = (Number(kind, name, varies),)
+        return self._seen[key][0]
+
     def load(self, kind: str, name: str, text: str) -> Number:
         """A field of a structure, read before anything is written."""
         line = f"const {C_TYPES[kind]} {name} = {text};"

@@ -1,10 +1,12 @@
 """Primitives that move or gather scalars: small arrays, written out number by number.
 
 An array is a NumPy array of `Number`; moving its elements about costs nothing in C. An
-index that is only known on board becomes a chain of selections.
+index that is only known on board becomes a chain of selections, or, where there is much
+to choose from, one into a table.
 """
 
 import itertools
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -19,8 +21,11 @@ from jaxglider.export.c.outlined import opened
 Array = Any
 """A NumPy array of `Number`."""
 
+FEW = 8
+"""Places among which one index chooses by selections; among more, from a table."""
+
 MAX_CHOICES = 1024
-"""Longest chain of selections for one index."""
+"""Longest chain of selections for several indices."""
 
 
 def whole(numbers: Sequence[Number], shape: tuple[int, ...]) -> Array:
@@ -182,7 +187,9 @@ def choose(
 ) -> Array:
     """taken(index) for an index known on board, each part clamped to its range."""
     places = list(itertools.product(*(range(n) for n in ranges)))
-    if len(places) > MAX_CHOICES:
+    many = [at for at, n in enumerate(ranges) if n > 1]
+    in_table = len(many) == 1 and len(places) > FEW
+    if len(places) > MAX_CHOICES and not in_table:
         raise ExportError(
             f"an index with {len(places)} places to point at cannot be exported; "
             f"at most {MAX_CHOICES}. Use a shorter table."
@@ -192,6 +199,15 @@ def choose(
             min(max(int(i.value), 0), n - 1) for i, n in zip(index, ranges, strict=True)
         ]
         return np.array(taken(known), dtype=object)
+    if in_table:
+        columns = [taken(place) for place in places]
+        return whole(
+            [
+                looked_up(block, index[many[0]], [column[n] for column in columns])
+                for n in np.ndindex(*columns[0].shape)
+            ],
+            columns[0].shape,
+        )
     result: Any = np.array(taken(places[-1]), dtype=object)
     for place in reversed(places[:-1]):
         here = _points_at(block, index, ranges, place)
@@ -199,6 +215,27 @@ def choose(
             pair = (here, result[n], taken(place)[n])
             result[n] = apply(block, "select_n", pair, pair[1].kind, {})
     return result
+
+
+def looked_up(block: Block, index: Number, values: Sequence[Number]) -> Number:
+    """values[index], the index clamped to its range: from the array that holds them.
+
+    Numbers that stand side by side in a structure are its table already.
+    """
+    kind = values[0].kind
+    if all(v.text == values[0].text for v in values):
+        return values[0]
+    last = literal(len(values) - 1, index.kind)
+    raised = apply(block, "max", (index, literal(0, index.kind)), index.kind, {})
+    at = apply(block, "min", (raised, last), index.kind, {})
+    places = [re.fullmatch(r"(.*)\[(\d+)\]", v.text) for v in values]
+    stems = {place[1] for place in places if place}
+    numbers = [int(place[2]) for place in places if place]
+    if len(stems) == 1 and numbers == list(range(len(values))):
+        text = f"{stems.pop()}[{at.text}]"
+        return block.compute(kind, text, (at, *values), "look_up")
+    table = block.table(kind, values)
+    return block.compute(kind, f"{table.text}[{at.text}]", (at, table), "look_up")
 
 
 def _points_at(
