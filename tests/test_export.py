@@ -216,3 +216,73 @@ def test_single_precision_survives_the_fuzzer_under_sanitizers(folder):
     done = _make(folder[1], "sanitize")
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("150000 ticks") == 2
+
+
+USE = """
+#include <cmath>
+#include <cstdio>
+#include "glider.h"
+#include "plant.h"
+
+int main()
+{
+    glider_state state;
+    glider_reference reference;
+    glider_measurement measurement;
+    glider_command command;
+    plant_state glider;
+    plant_init(&glider);
+    measurement = glider_measurement();
+    measurement.north = measurement.roll = std::nan("");
+    glider_init(&state);
+    glider_plan(&state, &measurement, &reference);
+    glider_step(&state, &measurement, &reference, &command);
+    std::printf("%d", (int)(command.status & GLIDER_MEASUREMENT_LOST));
+    return 0;
+}
+"""
+
+
+def _compile(where, command):
+    done = subprocess.run(command.split(), cwd=where, capture_output=True, text=True)
+    return done.returncode, done.stderr
+
+
+@needs_compiler
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler")
+@pytest.mark.parametrize("course", ["waypoints"], indirect=True)
+@pytest.mark.parametrize("standard", ["c++11", "c++20"])
+def test_cpp_may_include_the_headers(folder, standard, tmp_path):
+    where = tmp_path / "cpp"
+    shutil.copytree(folder[1], where)
+    (where / "use.cpp").write_text(USE)
+    for name in ("glider.c", "test/plant.c"):
+        code, said = _compile(where, f"gcc {STRICT} -I. -c {name}")
+        assert code == 0, said
+    strict = f"-std={standard} -pedantic -Wall -Wextra -Werror -I. -Itest"
+    link = f"g++ {strict} use.cpp glider.o plant.o -o use -lm"
+    code, said = _compile(where, link)
+    assert code == 0, said
+    ran = subprocess.run(["./use"], cwd=where, capture_output=True, text=True)
+    assert int(ran.stdout) > 0
+
+
+@needs_compiler
+@pytest.mark.parametrize("course", ["waypoints"], indirect=True)
+@pytest.mark.parametrize("flag", ["-Ofast", "-ffast-math", "-ffinite-math-only"])
+def test_flags_that_remove_the_guards_are_refused_with_the_reason(folder, flag):
+    for name in ("glider.c", "controller.c", "test/plant.c", "test/fuzz.c"):
+        command = f"{compiled_c.COMPILER} {STRICT} {flag} -I. -Itest -fsyntax-only"
+        code, said = _compile(folder[1], f"{command} {name}")
+        assert code != 0, name
+        assert "guards against NaN" in said
+
+
+@needs_make
+@pytest.mark.parametrize("course", ["waypoints"], indirect=True)
+def test_the_fastest_flags_that_keep_nan_pass_parity(folder, tmp_path):
+    where = tmp_path / "fast"
+    shutil.copytree(folder[1], where)
+    done = _make(where, "check", "CFLAGS=-O3 -funsafe-math-optimizations")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count(": pass") == 5

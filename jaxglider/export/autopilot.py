@@ -225,10 +225,13 @@ def header_text(
     prototypes = "\n".join(
         f"/* {f.summary} */\n{f.prototype};\n" for f in functions.values()
     )
+    opening = '#ifdef __cplusplus\nextern "C" {\n#endif\n'
+    closing = "#ifdef __cplusplus\n}\n#endif\n"
     return (
         f"/* {about} */\n#ifndef {guard}\n#define {guard}\n\n"
-        f'#include "glider_real.h"\n\n{middle}\n{structures}\n'
-        f"extern const {stem}_parameters {CONSTANTS[stem]};\n\n{prototypes}\n#endif\n"
+        f'#include "glider_real.h"\n\n{opening}\n{middle}\n{structures}\n'
+        f"extern const {stem}_parameters {CONSTANTS[stem]};\n\n{prototypes}\n"
+        f"{closing}\n#endif\n"
     )
 
 

@@ -2,6 +2,16 @@
 #ifndef GLIDER_REAL_H
 #define GLIDER_REAL_H
 
+/* A missing number is NaN, and the guards against it ask whether x != x. These options
+   let a compiler take it that there is no NaN, and it then removes the guards. */
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST)
+#error "-ffast-math and -Ofast remove the guards against NaN: compile with -O3"
+#elif defined(__FINITE_MATH_ONLY__)
+#if __FINITE_MATH_ONLY__
+#error "-ffinite-math-only removes the guards against NaN: leave it out"
+#endif
+#endif
+
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
