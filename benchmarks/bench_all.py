@@ -26,10 +26,12 @@ def run(name: str, quick: bool, out: Path) -> dict[str, Any]:
     command = [sys.executable, str(HERE / f"bench_{name}.py"), "--json"]
     command += ["--plot", str(out / f"{name}.png"), *(["--quick"] if quick else [])]
     print(f"bench_{name}", file=sys.stderr, flush=True)
-    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
+    done = subprocess.run(
+        command, stdout=subprocess.PIPE, encoding="utf-8", check=False
+    )
     if done.returncode != 0:
         raise SystemExit(done.returncode)
-    (out / f"{name}.json").write_text(done.stdout)
+    (out / f"{name}.json").write_text(done.stdout, encoding="utf-8")
     return json.loads(done.stdout)
 
 

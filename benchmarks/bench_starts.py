@@ -48,7 +48,7 @@ def main() -> int:
                 *("--out", str(out), *options.arguments),
             ],
             stdout=subprocess.PIPE,
-            text=True,
+            encoding="utf-8",
             check=False,
         )
         if done.returncode:

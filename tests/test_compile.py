@@ -129,7 +129,7 @@ def test_cache_folder_belongs_to_user_and_processor(monkeypatch, tmp_path):
     assert at_home.parent == tmp_path / "home" / ".cache" / "jaxglider"
     assert at_home.name == folder.name
 
-    def another(*_):
+    def another(*_, **__):
         return "model name : another\nflags : fpu\n"
 
     monkeypatch.setattr(_compile.Path, "read_text", another)

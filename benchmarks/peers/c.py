@@ -68,7 +68,7 @@ def library(flags: Sequence[str], precision: int, lanes: int) -> ctypes.CDLL:
 
 
 def _run(*command: str | Path) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
     if done.returncode != 0:
         raise CompilerError(f"{COMPILER} failed: {done.stderr.strip()}")
 

@@ -89,16 +89,23 @@ def _merged(given: str) -> str:
     return " ".join(flags)
 
 
-def cache_folder() -> Path:
-    """Where compiled programs and probes are kept, for this user and processor."""
-    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(root) / "jaxglider" / _processor()
+def cache_folder() -> Path | None:
+    """Where compiled programs and probes are kept, for this user and processor.
+
+    None for a user without a home folder, as in many containers.
+    """
+    root = os.environ.get("XDG_CACHE_HOME")
+    try:
+        home = Path(root) if root else Path.home() / ".cache"
+    except RuntimeError:
+        return None
+    return home / "jaxglider" / _processor()
 
 
 def _processor() -> str:
     """A short name of the processor: programs compiled for one may crash on another."""
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         traits = sorted({x for x in lines if x.startswith(("model name", "flags"))})
     except OSError:
         traits = [platform.processor()]
@@ -121,9 +128,10 @@ def _works() -> bool:
     version = importlib.metadata.version("jaxlib")
     if version.startswith(_TRIED):
         return True
-    verdict = cache_folder() / f"fast-loops-{version}"
-    if verdict.exists():
-        return verdict.read_text() == "yes"
+    folder = cache_folder()
+    verdict = folder / f"fast-loops-{version}" if folder else None
+    if verdict and verdict.exists():
+        return verdict.read_text(encoding="utf-8") == "yes"
     environment = {**os.environ, "XLA_FLAGS": " ".join(FAST_LOOP_FLAGS)}
     probe = subprocess.run(
         [sys.executable, "-c", _PROBE],
@@ -132,11 +140,10 @@ def _works() -> bool:
         check=False,
     )
     works = probe.returncode == 0
-    try:
-        verdict.parent.mkdir(parents=True, exist_ok=True)
-        verdict.write_text("yes" if works else "no")
-    except OSError:
-        pass
+    if verdict:
+        with contextlib.suppress(OSError):
+            verdict.parent.mkdir(parents=True, exist_ok=True)
+            verdict.write_text("yes" if works else "no", encoding="utf-8")
     return works
 
 

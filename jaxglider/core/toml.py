@@ -145,6 +145,22 @@ class TomlTable:
         refuse_unknown(left, sorted(self._read - set(left)), self._path)
 
 
+def file_text(path: str | Path) -> str:
+    """The text of a file in UTF-8, without the mark that some editors put before it.
+
+    Raises:
+        OSError: it cannot be read.
+        ConfigError: it is not UTF-8.
+    """
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ConfigError(
+            f"{path}: cannot be read: not utf-8 text ({error.reason}, byte "
+            f"{error.start}). Save it in that encoding."
+        ) from error
+
+
 def read_toml(path: str | Path) -> dict[str, Any]:
     """Parse a TOML file.
 
@@ -152,10 +168,10 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         ConfigError: it is missing, cannot be read, or is not TOML (with the line).
     """
     try:
-        return tomllib.loads(Path(path).read_text())
+        return tomllib.loads(file_text(path))
     except FileNotFoundError as error:
         raise ConfigError(f"{path}: no such file.") from error
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error}.") from error
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}.") from error

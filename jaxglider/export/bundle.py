@@ -79,9 +79,9 @@ def export_c(loop: ClosedLoop, title: str, guard: Guard | None = None) -> Bundle
         **vectors,
     }
     for name in ("glider_real.h", "controller.c", "Makefile"):
-        files[name] = (TEMPLATES / name).read_text()
+        files[name] = (TEMPLATES / name).read_text(encoding="utf-8")
     for name in ("parity.c", "fuzz.c", "tick_time.c"):
-        files[f"test/{name}"] = (TEMPLATES / name).read_text()
+        files[f"test/{name}"] = (TEMPLATES / name).read_text(encoding="utf-8")
     cost = cost_of(source)
     files["README.md"] = readme_text(title, about, float(pilot.dt), cost, rows, HOLD)
     return Bundle(files, cost)

@@ -25,7 +25,7 @@ def readme_text(
     operations = [f"| {kind} | {count} |" for kind, count in cost.operations.items()]
     return (
         (TEMPLATES / "README.md")
-        .read_text()
+        .read_text(encoding="utf-8")
         .format(
             title=title,
             about=about,

@@ -5,6 +5,7 @@ Every key carries its unit. What is left out takes the value of the paper's firs
 """
 
 import dataclasses
+import functools
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,10 @@ from jaxglider.files.mission_tables import (
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Scenario
 
-TEMPLATE = (resources.files("jaxglider.files") / "templates" / "mission.toml").read_text
+TEMPLATE = functools.partial(
+    (resources.files("jaxglider.files") / "templates" / "mission.toml").read_text,
+    encoding="utf-8",
+)
 """Call it for the text of a complete, commented mission file."""
 
 SEEDS = 2**32

@@ -5,6 +5,7 @@ complaint. `TEMPLATE` is a complete, commented file.
 """
 
 import dataclasses
+import functools
 import math
 from importlib import resources
 from pathlib import Path
@@ -26,9 +27,10 @@ from jaxglider.uncertainty.quantities import relative, waves
 from jaxglider.vehicle.parameters import UNCERTAIN
 from jaxglider.vehicle.sensors import Sensor
 
-TEMPLATE = (
-    resources.files("jaxglider.files") / "templates" / "uncertainty.toml"
-).read_text
+TEMPLATE = functools.partial(
+    (resources.files("jaxglider.files") / "templates" / "uncertainty.toml").read_text,
+    encoding="utf-8",
+)
 """Call it for the text of a complete, commented uncertainty file."""
 
 _INERTIA = tuple(n for n in UNCERTAIN if n.endswith(("_mass", "_inertia")))

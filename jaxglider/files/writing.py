@@ -42,9 +42,12 @@ def _umask() -> int:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a text file, replacing an old one only when the new one is complete."""
+    """Write a text file, replacing an old one only when the new one is complete.
+
+    It is UTF-8 whatever the locale; what a file name has that is no text becomes `?`.
+    """
     with replacing(path) as temporary:
-        temporary.write_text(text)
+        temporary.write_text(text, encoding="utf-8", errors="replace")
 
 
 def provenance(**more: Any) -> dict[str, Any]:
@@ -68,7 +71,7 @@ def provenance(**more: Any) -> dict[str, Any]:
 
 def _processor_name() -> str:
     try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()
     except OSError:

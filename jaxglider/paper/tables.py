@@ -10,7 +10,7 @@ from typing import Any
 def printed_tables() -> dict[str, Any]:
     """The paper's two tables: scenario, channel, row, then a list over `columns`."""
     return tomllib.loads(
-        (resources.files("jaxglider.paper") / "tables.toml").read_text()
+        (resources.files("jaxglider.paper") / "tables.toml").read_text(encoding="utf-8")
     )
 
 

@@ -4,8 +4,8 @@ Colours are those of Okabe and Ito, told apart with every kind of colour vision;
 styles differ too, so that a print in grey still reads.
 """
 
-from collections.abc import Iterable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import matplotlib
@@ -97,9 +97,17 @@ def styles(labels: Iterable[str]) -> dict[str, Style]:
     return chosen
 
 
-def look() -> AbstractContextManager[None]:
-    """The drawing defaults of this package, in force within a `with` block only."""
-    return matplotlib.rc_context(_RC)
+@contextmanager
+def look() -> Iterator[None]:
+    """The drawing defaults of this package, in force within a `with` block only.
+
+    They do not depend on the user's matplotlibrc, which may ask for a LaTeX that is not
+    there, or for a font that has no Greek letters.
+    """
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_RC)
+        yield
 
 
 def new_figure(width: float, height: float) -> Figure:

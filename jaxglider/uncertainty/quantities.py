@@ -90,7 +90,7 @@ def _sinusoids(
 def _units() -> dict[str, str]:
     """Units of the parameters, which stand beside the numbers in the data."""
     file = resources.files("jaxglider.vehicle") / "data" / "seawing.toml"
-    data = tomllib.loads(file.read_text())
+    data = tomllib.loads(file.read_text(encoding="utf-8"))
     return {name: entry["unit"] for name, entry in data["parameters"].items()}
 
 

@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from jaxglider.core.toml import file_text
 from jaxglider.signals import Command
 from jaxglider.vehicle.parameters import (
     BodyParameters,
@@ -74,9 +75,9 @@ def vehicle_text(name_or_path: str | Path) -> str:
     """
     if str(name_or_path) in vehicle_names():
         folder = resources.files("jaxglider.vehicle") / "data"
-        return (folder / f"{name_or_path}.toml").read_text()
+        return (folder / f"{name_or_path}.toml").read_text(encoding="utf-8")
     if Path(name_or_path).suffix == ".toml":
-        return Path(name_or_path).read_text()
+        return file_text(name_or_path)
     raise ValueError(
         f"vehicle must be one of {vehicle_names()} or the path of a .toml file; "
         f"received {str(name_or_path)!r}."

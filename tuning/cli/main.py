@@ -6,6 +6,7 @@ violated, 130 interrupted.
 """
 
 import argparse
+import io
 import json
 import os
 import sys
@@ -33,6 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _run(arguments: list[str] | None) -> int:
+    _print_anything()
     top = parser()
     options = top.parse_args(arguments)
     if options.command is None:
@@ -64,6 +66,12 @@ def _run(arguments: list[str] | None) -> int:
             raise
         _complain(str(error))
         return USAGE
+
+
+def _print_anything() -> None:
+    """Let a terminal that lacks a letter show a question mark, not end the command."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
 
 
 def _complain(text: str) -> None:
@@ -126,7 +134,7 @@ def _rerun(options: argparse.Namespace) -> int:
 def _precision_of(folder: Path) -> int:
     """The precision of a campaign; what cannot be read is complained of later."""
     try:
-        told = json.loads((folder / "campaign.json").read_text())
+        told = json.loads((folder / "campaign.json").read_text(encoding="utf-8"))
         return int(told["settings"]["precision"])
     except (OSError, ValueError, KeyError, TypeError):
         return 64

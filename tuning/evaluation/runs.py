@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -143,4 +144,8 @@ def _label(controller: str) -> str:
 
 def _file_name(text: str) -> str:
     kept = "".join(c if c.isalnum() or c in "-_." else "-" for c in text)
+    try:
+        os.fsencode(kept)
+    except UnicodeEncodeError:  # the locale's file names lack a letter
+        kept = "".join(c if c.isascii() else "-" for c in kept)
     return kept.strip(".") or "run"

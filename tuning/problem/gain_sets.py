@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from jaxglider.core.toml import ConfigError, read_toml
+from jaxglider.core.toml import ConfigError, file_text, read_toml
 from jaxglider.files.gains import LoadedGains, decode_gains
 from jaxglider.paper.tuned import tuned_gains
 
@@ -84,7 +84,7 @@ def resolve(
                 Gains(
                     f"{kind} ({TUNED})",
                     TUNED,
-                    tuned_gains(scenario, plant, kind).read_text(),
+                    tuned_gains(scenario, plant, kind).read_text(encoding="utf-8"),
                 )
                 for kind in dict.fromkeys(controllers)
             ]
@@ -92,7 +92,7 @@ def resolve(
         kind = _kind(path, read_toml(path))
         # `tune` gives all its files one name: tell them apart by their folder.
         short = path.stem if stems.count(path.stem) == 1 else name
-        found.append(Gains(f"{kind} ({short})", name, path.read_text()))
+        found.append(Gains(f"{kind} ({short})", name, file_text(path)))
     return tuple(found)
 
 

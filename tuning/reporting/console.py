@@ -107,7 +107,7 @@ def check_writable(folder: Path) -> None:
     """
     try:
         with replacing(folder / ".probe") as temporary:
-            temporary.write_text("")
+            temporary.write_text("", encoding="utf-8")
         (folder / ".probe").unlink()
     except OSError as error:
         raise OSError(f"--out {folder} cannot be written: {error}.") from error

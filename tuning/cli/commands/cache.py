@@ -16,7 +16,14 @@ def cache(options: argparse.Namespace) -> int:
         OSError: a file cannot be removed.
     """
     # Beside this processor's folder lie those of others that share the home folder.
-    folder = cache_folder().parent
+    own = cache_folder()
+    if own is None:
+        sys.stdout.write(
+            "there is no cache: neither XDG_CACHE_HOME nor a home folder is set, so "
+            "programs are compiled anew by each command.\n"
+        )
+        return OK
+    folder = own.parent
     files = [path for path in folder.rglob("*") if path.is_file()]
     size = sum(_size(path) for path in files) / 2**20
     if options.clear and folder.exists():

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from jaxglider.core.toml import ConfigError
+from jaxglider.core.toml import ConfigError, file_text
 from jaxglider.files.mission import load_mission, self_contained
 from jaxglider.files.uncertainty import load_uncertainty
 from jaxglider.simulation.closed_loop import ClosedLoop
@@ -217,6 +217,6 @@ def _text(half_width: float | Path) -> float | str:
     if isinstance(half_width, float):
         return half_width
     try:
-        return half_width.read_text()
-    except (OSError, UnicodeDecodeError) as error:
+        return file_text(half_width)
+    except OSError as error:
         raise ConfigError(f"{half_width}: cannot be read ({error}).") from error

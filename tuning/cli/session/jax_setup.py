@@ -1,6 +1,7 @@
 """JAX set up for a command: precision, devices, and a cache of programs."""
 
 import os
+from pathlib import Path
 
 
 def start_jax(precision: int, *, every_core: bool = False) -> None:
@@ -21,7 +22,25 @@ def start_jax(precision: int, *, every_core: bool = False) -> None:
     if every_core and not told and "JAX_NUM_CPU_DEVICES" not in os.environ:
         jax.config.update("jax_num_cpu_devices", _cores())
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-        jax.config.update("jax_compilation_cache_dir", str(cache_folder() / "programs"))
+        folder = cache_folder()
+        if folder is None or not _can_be_written(folder / "programs"):
+            from tuning.reporting.console import note
+
+            why = f"{folder} cannot be written" if folder else "there is no home folder"
+            note(
+                f"no cache of compiled programs: {why}. Set XDG_CACHE_HOME to have one."
+            )
+        else:
+            jax.config.update("jax_compilation_cache_dir", str(folder / "programs"))
+
+
+def _can_be_written(folder: Path) -> bool:
+    """Whether a folder is there, or can be made, for files of this process."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK | os.X_OK)
 
 
 def _cores() -> int:
