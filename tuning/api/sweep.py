@@ -34,6 +34,7 @@ from tuning.problem.fingerprint import fingerprint
 from tuning.problem.gain_sets import Gains
 from tuning.problem.spec import DEFAULT_UNCERTAINTY, name_of
 from tuning.reporting.console import BarProgress, Progress, SilentProgress, note
+from tuning.reporting.output_folder import writing_to
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,16 +108,14 @@ class SweepResult:
             OSError: it cannot be written.
         """
         out = Path(folder)
-        out.mkdir(parents=True, exist_ok=True)
-        members = self.campaign.settings.members
-        about = self.summary["provenance"]
-        manifest = Manifest.of(self.campaign, 0, members, about)
-        prepare(out, manifest, resume=False, overwrite=overwrite)
-        with opened(out, manifest.row_type(), 0) as store:
-            store.append(self.rows.rows)
-        write_conclusions(
-            out, self.campaign, manifest, self.rows.rows, self.summary, report=report
-        )
+        campaign, rows, summary = self.campaign, self.rows.rows, self.summary
+        members = campaign.settings.members
+        manifest = Manifest.of(campaign, 0, members, summary["provenance"])
+        with writing_to(out):
+            prepare(out, manifest, resume=False, overwrite=overwrite)
+            with opened(out, manifest.row_type(), 0) as store:
+                store.append(rows)
+            write_conclusions(out, campaign, manifest, rows, summary, report=report)
 
 
 def sweep(
@@ -174,18 +173,19 @@ def sweep(
         raise ValueError("resume goes with out, the folder of the campaign.")
     with tempfile.TemporaryDirectory(prefix="jaxglider-") as scratch:
         folder = Path(scratch if out is None else out)
-        result = _run(campaign, folder, conclusions, shown, resume, overwrite)
-    if out is not None:
-        manifest = Manifest.of(campaign, 0, members, result.summary["provenance"])
-        write_conclusions(
-            folder,
-            campaign,
-            manifest,
-            result.rows.rows,
-            result.summary,
-            report=True,
-            progress=shown,
-        )
+        with writing_to(folder):
+            result = _run(campaign, folder, conclusions, shown, resume, overwrite)
+            if out is not None:
+                about = result.summary["provenance"]
+                write_conclusions(
+                    folder,
+                    campaign,
+                    Manifest.of(campaign, 0, members, about),
+                    result.rows.rows,
+                    result.summary,
+                    report=True,
+                    progress=shown,
+                )
     return result
 
 
@@ -198,7 +198,6 @@ def _run(
     overwrite: bool,
 ) -> SweepResult:
     """Run what is missing of a campaign; its rows are read into memory."""
-    folder.mkdir(parents=True, exist_ok=True)
     about = provenance(precision=campaign.settings.precision)
     manifest = Manifest.of(campaign, 0, campaign.settings.members, about)
     prepare(folder, manifest, resume=resume, overwrite=overwrite)

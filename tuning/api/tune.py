@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from tuning.problem.objective_file import DEFAULT_WEIGHTS
 from tuning.problem.problem import TuningProblem
 from tuning.problem.spec import DEFAULT_UNCERTAINTY, EnsembleSpec, ProblemSpec
 from tuning.reporting.console import BarProgress, Progress, SilentProgress, note
+from tuning.reporting.output_folder import writing_to
 from tuning.search.black_box import search_black_box
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descend import beside, descend
@@ -255,17 +257,18 @@ def tune(
     )
     chosen = settings or DescentSettings()
     chosen = dataclasses.replace(chosen, seed=seed, steps=steps or chosen.steps)
-    result = solve(
-        spec,
-        chosen,
-        method,
-        out=out,
-        resume=resume,
-        check=check,
-        progress=BarProgress() if progress else SilentProgress(),
-    )
-    if out is not None:
-        result.save(out)
+    with nullcontext() if out is None else writing_to(Path(out)):
+        result = solve(
+            spec,
+            chosen,
+            method,
+            out=out,
+            resume=resume,
+            check=check,
+            progress=BarProgress() if progress else SilentProgress(),
+        )
+        if out is not None:
+            result.save(out)
     return result
 
 

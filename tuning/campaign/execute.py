@@ -27,8 +27,9 @@ from tuning.campaign.run.store import (
     prepare,
     read_rows,
 )
-from tuning.reporting.console import Progress, check_writable, note
+from tuning.reporting.console import Progress, note
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
+from tuning.reporting.output_folder import writing_to
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,10 +69,20 @@ def execute(
         An exit code, and the summary; None without a row.
 
     Raises:
-        ValueError: the folder holds another campaign.
+        ValueError: the folder holds another campaign, or another process writes it.
         OSError: the folder cannot be written.
     """
-    check_writable(folder)
+    with writing_to(folder):
+        return _execute(campaign, folder, execution, conclusions, progress)
+
+
+def _execute(
+    campaign: Campaign,
+    folder: Path,
+    execution: Execution,
+    conclusions: Conclusions,
+    progress: Progress,
+) -> tuple[int, dict[str, Any] | None]:
     about = provenance(
         command=list(execution.command), precision=campaign.settings.precision
     )

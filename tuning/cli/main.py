@@ -10,6 +10,7 @@ import io
 import json
 import os
 import sys
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 from tuning.cli.parser import parser
@@ -41,7 +42,8 @@ def _run(arguments: list[str] | None) -> int:
         top.print_help()
         return USAGE
     try:
-        return int(_COMMANDS[options.command](options))
+        with _output(options):
+            return int(_COMMANDS[options.command](options))
     except KeyboardInterrupt:
         _complain("interrupted.")
         return INTERRUPTED
@@ -66,6 +68,18 @@ def _run(arguments: list[str] | None) -> int:
             raise
         _complain(str(error))
         return USAGE
+
+
+def _output(options: argparse.Namespace) -> AbstractContextManager[None]:
+    """The folder that a command is told to write to, kept for it alone."""
+    out = getattr(options, "out", None)
+    if out is None:
+        return nullcontext()
+    from tuning.reporting.output_folder import writing_to
+
+    host = getattr(options, "host", 0)
+    # The hosts of one campaign may share a disk: each but the first has its own folder.
+    return writing_to(out / f"host-{host}" if host else out)
 
 
 def _print_anything() -> None:

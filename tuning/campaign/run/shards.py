@@ -12,7 +12,7 @@ from tuning.campaign.run.store import (
     read_rows,
     whole_rows,
 )
-from tuning.reporting.console import check_writable, note
+from tuning.reporting.console import note
 
 _AT_ONCE = 4096
 
@@ -68,7 +68,6 @@ def join(
     """
     if out.resolve() in [folder.resolve() for folder, _ in shards]:
         raise ValueError(f"--out {out} is one of the shards; give another folder.")
-    check_writable(out)
     if (out / "campaign.json").exists():
         if not overwrite:
             raise ValueError(

@@ -10,7 +10,7 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.evaluation.runs import PlannedRun, report_runs, run_all
 from tuning.problem.case import DT
 from tuning.problem.gain_sets import resolve
-from tuning.reporting.console import check_writable, note
+from tuning.reporting.console import note
 
 
 def compare(options: argparse.Namespace) -> int:
@@ -20,7 +20,6 @@ def compare(options: argparse.Namespace) -> int:
     for path in dict.fromkeys(options.gains):
         if path.exists():
             _note_origin(path, scenarios, options.plant)
-    check_writable(options.out)
     done, interrupted = run_all(entries, seed=0)
     return report_runs(options, done, interrupted, seed=0)
 

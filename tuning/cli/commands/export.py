@@ -23,7 +23,7 @@ from jaxglider.signals import Command
 from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.cli.session.from_options import refuse_beside_mission
 from tuning.problem.case import FlightCase
-from tuning.reporting.console import Progress, check_writable, print_result
+from tuning.reporting.console import Progress, print_result
 from tuning.reporting.exit_codes import OK
 
 
@@ -31,7 +31,6 @@ def export(options: argparse.Namespace) -> int:
     """`jaxglider export`."""
     loop, title, about = _loop(options)
     guard = _guard(options, loop)
-    check_writable(options.out)
     progress = Progress()
     progress.show(f"exporting {title} as {options.format} ...")
     try:

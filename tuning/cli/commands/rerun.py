@@ -27,7 +27,8 @@ from tuning.campaign.run.engine import Engine
 from tuning.campaign.run.loop import compute, draw
 from tuning.campaign.run.rows import COLUMNS, Rows, flatten, unit
 from tuning.campaign.run.store import Manifest, read_manifest, read_rows, whole_rows
-from tuning.reporting.console import Progress, check_writable, note, print_result
+from tuning.reporting.console import Progress, note, print_result
+from tuning.reporting.output_folder import writing_to
 from tuning.reporting.tables import text_table
 
 
@@ -38,7 +39,20 @@ def rerun(options: argparse.Namespace) -> int:
     member = _number(options, manifest, table)
     campaign = build(manifest.settings)
     out = options.out or options.folder / f"member-{member}"
-    check_writable(out)
+    with writing_to(out):
+        _rerun(options, manifest, table, campaign, member, out)
+    return 0
+
+
+def _rerun(
+    options: argparse.Namespace,
+    manifest: Manifest,
+    table: Rows,
+    campaign: Campaign,
+    member: int,
+    out: Path,
+) -> None:
+    """Compute, compare and write."""
     progress = Progress()
     progress.show("compiling ...")
     engine = Engine(
@@ -62,7 +76,6 @@ def rerun(options: argparse.Namespace) -> int:
     text = f"member {member}\n" + text_table(result["runs"])
     print_result(result, text, as_json=options.json)
     note(f"{out}: member.json, trajectories.nc and {len(figures)} figures.")
-    return 0
 
 
 def _table(folder: Path, manifest: Manifest) -> Rows:

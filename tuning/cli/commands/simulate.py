@@ -10,14 +10,13 @@ from jaxglider.onboard.pipe import ChildProcess, PipeController
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.start import start_warnings
 from tuning.evaluation.runs import PlannedRun, report_runs, run_all
-from tuning.reporting.console import check_writable, note
+from tuning.reporting.console import note
 from tuning.reporting.exit_codes import RUN_FAILED
 
 
 def simulate_mission(options: argparse.Namespace) -> int:
     """`jaxglider simulate`: one mission from a file."""
     mission = load_mission(options.config)
-    check_writable(options.out)
     for warning in start_warnings(mission.loop):
         note(f"warning: {warning}")
     seed = mission.seed if options.seed is None else options.seed

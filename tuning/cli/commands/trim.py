@@ -19,7 +19,7 @@ from jaxglider.vehicle.full_plant import FullPlant
 from jaxglider.vehicle.parameters import VehicleData
 from jaxglider.vehicle.plant import AbstractPlant
 from jaxglider.vehicle.published import load_vehicle
-from tuning.reporting.console import Progress, check_writable, note, print_result
+from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import OK, RUN_FAILED, VIOLATED
 
 
@@ -32,7 +32,6 @@ def trim(options: argparse.Namespace) -> int:
             f"--vehicle {options.vehicle} cannot be read: {error}."
         ) from error
     plant = paper.PLANTS[options.plant](vehicle)
-    check_writable(options.out)
     target = _target(options, vehicle)
     reason = _impossible(plant, target)
     if reason:

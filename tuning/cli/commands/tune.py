@@ -10,13 +10,12 @@ from tuning.cli.session.from_options import (
     problem_spec,
 )
 from tuning.evaluation.report import text_report
-from tuning.reporting.console import Progress, check_writable, note, print_result
+from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK
 
 
 def tune(options: argparse.Namespace) -> int:
     """`jaxglider tune`: gradient descent through the rollout."""
-    check_writable(options.out)
     result = solve(
         problem_spec(options),
         descent_settings(options),

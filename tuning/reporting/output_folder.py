@@ -1,0 +1,85 @@
+"""A folder of results that one process writes at a time."""
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from tuning.reporting.console import check_writable, note
+
+LOCK = ".being-written"
+"""Name of the file that is locked; it is there while a command writes."""
+
+_held: set[Path] = set()
+
+
+@contextlib.contextmanager
+def writing_to(folder: Path) -> Iterator[None]:
+    """Keep other processes from writing to a folder.
+
+    The lock is the operating system's, so it goes with the process, however that ends.
+    A folder that was made for this and stays empty is removed again. Within the block,
+    more blocks of the same process for the same folder change nothing.
+
+    Args:
+        folder: to write to; made if it is not there.
+
+    Raises:
+        ValueError: another process is writing to it.
+        OSError: it cannot be made or written.
+    """
+    place = folder.resolve()
+    if place in _held:
+        yield
+        return
+    new = [p for p in (place, *place.parents) if not p.exists()]
+    try:
+        check_writable(folder)
+        lock = _locked(folder)
+        _held.add(place)
+        try:
+            yield
+        finally:
+            _held.discard(place)
+            if lock is not None:
+                (place / LOCK).unlink(missing_ok=True)
+                os.close(lock)
+    finally:
+        with contextlib.suppress(OSError):
+            for path in new:
+                path.rmdir()
+
+
+def _locked(folder: Path) -> int | None:
+    """The open file that holds the lock; None where there are no locks."""
+    path = folder.resolve() / LOCK
+    while True:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _is_still(path, handle):
+                return handle
+        except BlockingIOError:
+            os.close(handle)
+            raise ValueError(
+                f"{folder} is being written by another process; wait for it, or give "
+                "another folder."
+            ) from None
+        except OSError as error:
+            note(
+                f"{folder} is where files cannot be locked ({error.strerror}): see to "
+                "it that no other process writes to it."
+            )
+            path.unlink(missing_ok=True)
+            os.close(handle)
+            return None
+        os.close(handle)
+
+
+def _is_still(path: Path, handle: int) -> bool:
+    """Whether a path is still that of an open file: its last owner removes it."""
+    try:
+        return os.path.samestat(os.stat(path), os.fstat(handle))
+    except FileNotFoundError:
+        return False
