@@ -27,6 +27,7 @@ jaxglider.enable_fast_loops()
 
 import equinox as eqx
 import jax
+import matplotlib
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from matplotlib.figure import Figure
@@ -153,6 +154,7 @@ def markdown(titles: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 def drawing(panels: int) -> tuple[Figure, Any]:
     """A figure with panels side by side."""
+    matplotlib.rcdefaults()
     whole = Figure(figsize=(3.6 * panels, 3.2), layout="constrained")
     return whole, whole.subplots(1, panels, squeeze=False)[0]
 

@@ -6,6 +6,7 @@ import statistics
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -148,6 +149,7 @@ def figure(value: float | None) -> str:
 
 def draw(runs: dict[str, list[Run]], title: str, path: Path) -> None:
     """Best loss so far against rollouts and seconds: median, and range over seeds."""
+    matplotlib.rcdefaults()
     drawing = Figure(figsize=(7.2, 3.2), layout="constrained")
     axes = drawing.subplots(1, 2, sharey=True)
     for name, group in runs.items():

@@ -132,3 +132,11 @@ def test_figures_look_the_same_whatever_the_users_matplotlibrc():
             figure.subplots().set_title("α")
         assert matplotlib.rcParams["lines.markersize"] == 40.0
     assert matplotlib.rcParams["text.usetex"] is False
+
+
+def test_every_figure_that_a_command_writes_is_drawn_in_our_style():
+    """A module that makes or saves a figure says `with look()`; benchmarks reset."""
+    for path in SOURCES:
+        text = path.read_text(encoding="utf-8")
+        if "savefig(" in text or " Figure(" in text:
+            assert {"look()", "rcdefaults()"} & set(re.findall(r"\w+\(\)", text)), path

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from jaxglider.files.gains import encode_law
 from jaxglider.files.writing import provenance, write_json, write_text
+from jaxglider.plotting.style import look
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory, simulate
 from jaxglider.uncertainty.members import Uncertainty
@@ -126,11 +127,12 @@ class TuneResult:
 
     def plot(self) -> Figure:
         """The objective and the gains that moved most, step by step."""
-        figure = Figure(figsize=(9.0, 4.0), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        draw_objective(left, self.history)
-        draw_gains(right, self.problem, self.history)
-        right.legend(fontsize=7, loc="best")
+        with look():
+            figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+            left, right = figure.subplots(1, 2)
+            draw_objective(left, self.history)
+            draw_gains(right, self.problem, self.history)
+            right.legend(fontsize=7, loc="best")
         return figure
 
     def trajectories(self) -> dict[str, Trajectory]:

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from jaxglider.control import FxTPPC
 from jaxglider.files.writing import replacing, write_text
 from jaxglider.plotting import errors
+from jaxglider.plotting.style import look
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory
 from tuning.evaluation.held_out import MEASURES
@@ -115,14 +116,15 @@ def write_tuning_report(
         tuned: closed loop with the tuned gains.
         runs: nominal runs `before` and `after`, on the host.
     """
-    figures = {
-        "objective.png": objective_figure(history),
-        "gains.png": gains_figure(problem, history),
-        "errors.png": errors_figure(runs),
-    }
-    for name, drawn in figures.items():
-        with replacing(out / name) as temporary:
-            drawn.savefig(temporary, dpi=150)
+    with look():
+        figures = {
+            "objective.png": objective_figure(history),
+            "gains.png": gains_figure(problem, history),
+            "errors.png": errors_figure(runs),
+        }
+        for name, drawn in figures.items():
+            with replacing(out / name) as temporary:
+                drawn.savefig(temporary, dpi=150)
     settling = _settling_table(tuned, runs)
     write_text(out / "report.md", _markdown(result, settling))
 
