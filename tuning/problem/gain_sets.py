@@ -1,6 +1,7 @@
 """What a command is told about gains: words and files, turned into controllers."""
 
 import dataclasses
+import os
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -93,7 +94,35 @@ def resolve(
         # `tune` gives all its files one name: tell them apart by their folder.
         short = path.stem if stems.count(path.stem) == 1 else name
         found.append(Gains(f"{kind} ({short})", name, file_text(path)))
-    return tuple(found)
+    return told_apart(found)
+
+
+def told_apart(sets: Sequence[Gains]) -> tuple[Gains, ...]:
+    """Sets of gains under labels that differ, each file once however it is spelt.
+
+    Raises:
+        ConfigError: two that are not the same cannot be told apart.
+    """
+    files: dict[str, Gains] = {}
+    for number, one in enumerate(sets):
+        path = Path(one.origin)
+        place = os.path.realpath(path) if path.is_file() else f"{number} {one.label}"
+        files.setdefault(place, one)
+    labels = [one.label for one in files.values()]
+    apart = [
+        dataclasses.replace(one, label=f"{one.label.partition(' (')[0]} ({one.origin})")
+        if labels.count(one.label) > 1 and Path(one.origin).is_file()
+        else one
+        for one in files.values()
+    ]
+    labels = [one.label for one in apart]
+    for one in apart:
+        if labels.count(one.label) > 1:
+            raise ConfigError(
+                f"--gains: {one.label!r} would stand for two sets of gains; received "
+                f"{', '.join(x.origin for x in apart)}. Rename a file."
+            )
+    return tuple(apart)
 
 
 def _paper(kind: str) -> Gains:

@@ -1,5 +1,6 @@
 """Several levels of uncertainty side by side: how likely is trouble at each."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +10,43 @@ from jaxglider.plotting.style import COLUMN, look, new_figure
 from tuning.campaign.analysis.rank_correlations import SEVERITY
 from tuning.campaign.analysis.summary import in_interval
 from tuning.campaign.report import figures
+from tuning.reporting.output_folder import LOCK
 from tuning.reporting.tables import markdown_table
 
+_WRITTEN = ("", ".", "..", "summary.json", "report.md", "levels.png", LOCK)
+"""Names that are taken in the folder that holds those of the levels."""
 _EVENTS = {
     "p_violation": "left a funnel",
     "p_capsize": "rolled past 90 deg",
     "p_failure": "not finite",
 }
+
+
+def folder_names(levels: Sequence[float | Path]) -> dict[float | Path, str]:
+    """Names of the folders that the results of several levels are written to.
+
+    A file's is its own; where that is taken, the folders that it is in go before it.
+
+    Raises:
+        ValueError: two levels would be written to one folder.
+    """
+    names = {
+        level: level.stem if isinstance(level, Path) else f"uncertainty-{level!r}"
+        for level in levels
+    }
+    taken = [*_WRITTEN, *map(str.casefold, names.values())]
+    for level, name in names.items():
+        if isinstance(level, Path) and taken.count(name.casefold()) > 1:
+            parts = level.with_suffix("").parts
+            names[level] = "-".join(p for p in parts if p not in (".", "..", "/"))
+    taken = [*_WRITTEN, *map(str.casefold, names.values())]
+    for level, name in names.items():
+        if taken.count(name.casefold()) > 1:
+            raise ValueError(
+                f"--uncertainty {level}: its results would be written to {name!r}, "
+                "which another level or the report of all has. Rename the file."
+            )
+    return names
 
 
 def write_levels(
@@ -28,7 +59,7 @@ def write_levels(
         summaries: by name of the level's own folder.
         draws: the report, too.
     """
-    write_json(folder / "summary.json", {"levels": list(summaries.values())})
+    write_json(folder / "summary.json", {"levels": named(summaries)})
     if not draws:
         return
     found = list(summaries.values())
@@ -66,6 +97,11 @@ def write_levels(
     )
     parts += markdown_table(["", "gains", "with"], rows, 3)
     write_text(folder / "report.md", "\n".join(parts) + "\n")
+
+
+def named(summaries: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    """Summaries of the levels, each with the name of its folder."""
+    return [{"level": name, **summary} for name, summary in summaries.items()]
 
 
 def _strongest(found: dict[str, Any]) -> list[str]:

@@ -9,7 +9,7 @@ from jaxglider.core.toml import read_toml
 from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.evaluation.runs import PlannedRun, report_runs, run_all
 from tuning.problem.case import DT
-from tuning.problem.gain_sets import resolve
+from tuning.problem.gain_sets import PAPER, resolve
 from tuning.reporting.console import note
 
 
@@ -43,7 +43,8 @@ def _paper_entries(options: argparse.Namespace, scenario: str) -> Iterator[Plann
             paper.make_observer(name, model),
         )
         yield PlannedRun(scenario, options.plant, name, loop)
-    words = [str(path) for path in options.gains]
+    # The paper's own gains are compared anyhow.
+    words = [str(path) for path in options.gains if str(path) != PAPER]
     for gains in resolve(words, options.controllers, scenario, options.plant):
         law = gains.load(scenario, model)
         yield PlannedRun(scenario, options.plant, gains.label, law.on(setting))

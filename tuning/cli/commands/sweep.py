@@ -7,7 +7,7 @@ from typing import Any
 
 from tuning.campaign.analysis.summary import MEASURES, text_summary
 from tuning.campaign.execute import Execution, execute, execute_on_hosts
-from tuning.campaign.report.levels import write_levels
+from tuning.campaign.report.levels import folder_names, named, write_levels
 from tuning.campaign.run.campaign import Campaign, build
 from tuning.cli.session.from_options import campaign_settings, conclusions
 from tuning.reporting.console import Progress, print_result
@@ -18,13 +18,14 @@ def sweep(options: argparse.Namespace) -> int:
     """`jaxglider sweep`: a campaign for each level of uncertainty."""
     levels = list(dict.fromkeys(options.uncertainty))
     _check(options)
+    names = folder_names(levels)
     campaigns = {level: build(campaign_settings(options, level)) for level in levels}
     for rule in options.require:
         rule.check(campaigns[levels[0]].labels, MEASURES)
     codes: list[int] = []
     summaries: dict[str, dict[str, Any]] = {}
     for level, campaign in campaigns.items():
-        folder = options.out if len(levels) == 1 else options.out / _name(level)
+        folder = options.out if len(levels) == 1 else options.out / names[level]
         code, summary = _execute(options, campaign, folder)
         codes.append(code)
         if summary:
@@ -32,10 +33,13 @@ def sweep(options: argparse.Namespace) -> int:
         if code in (INTERRUPTED, RUN_FAILED):
             break
     if summaries:
-        content = list(summaries.values())
-        result = content[0] if len(levels) == 1 else {"levels": content}
-        text = "\n\n".join(text_summary(summary) for summary in content)
-        print_result(result, text, as_json=options.json)
+        texts = {name: text_summary(summary) for name, summary in summaries.items()}
+        if len(levels) == 1:
+            (result,) = summaries.values()
+        else:
+            result = {"levels": named(summaries)}
+            texts = {name: f"{name}: {text}" for name, text in texts.items()}
+        print_result(result, "\n\n".join(texts.values()), as_json=options.json)
     if len(summaries) > 1:
         write_levels(options.out, summaries, draws=not options.no_report)
     worst = [code for code in (INTERRUPTED, RUN_FAILED, VIOLATED) if code in codes]
@@ -76,7 +80,3 @@ def _check(options: argparse.Namespace) -> None:
             f"--sensitivity does not go with {divided}; ask for it where all members "
             "are."
         )
-
-
-def _name(level: float | Path) -> str:
-    return level.stem if isinstance(level, Path) else f"uncertainty-{level:g}"
