@@ -191,7 +191,7 @@ def test_a_finished_campaign_is_not_computed_again(sweep, tmp_path, monkeypatch)
     ("text", "parts"),
     [
         ("--members 600 --out a", ("--out a holds a campaign", "--resume")),
-        ("--members 601 --out a --resume", ("other options (members)",)),
+        ("--members 599 --out a --resume", ("of 600 members", "--members 599")),
         ("--members 600 --seed 1 --out a --resume", ("other options (seed)",)),
         ("--members 600 --shard 1/2 --out a --resume", ("other options (shard)",)),
         ("--members 600 --uncertainty 0.3 --out a --resume", ("(uncertainty)",)),
@@ -221,6 +221,79 @@ def test_what_cannot_be_run_is_refused(sweep, kept, tmp_path, text, parts):
     for part in parts:
         assert part in err.splitlines()[-1]
     assert (tmp_path / "a/rows.bin").read_bytes() == before
+
+
+@pytest.mark.parametrize("design", ["monte-carlo", "sobol"])
+def test_a_campaign_grows_by_more_members(sweep, tmp_path, design):
+    told = f"{RUN} --design {design}"
+    assert sweep(f"{told} --members 1500 --out whole")[0] == 0
+    whole = (tmp_path / "whole/rows.bin").read_bytes()
+    assert sweep(f"{told} --members 600 --out a")[0] == 0
+    size = read_manifest(tmp_path / "a").row_type().itemsize
+    assert (tmp_path / "a/rows.bin").read_bytes() == whole[: 600 * size]
+    assert sweep(f"{told} --members 1500 --out a --resume")[0] == 0
+    assert (tmp_path / "a/rows.bin").read_bytes() == whole
+    grown, once = (
+        json.loads((tmp_path / name / "summary.json").read_text())
+        for name in ("a", "whole")
+    )
+    del grown["provenance"], once["provenance"]
+    assert grown == once
+    manifest = read_manifest(tmp_path / "a")
+    assert (manifest.settings.members, manifest.last) == (1500, 1500)
+
+
+def test_a_merged_campaign_grows_and_a_part_or_latin_hypercube_does_not(
+    sweep, tmp_path
+):
+    for i in (1, 2):
+        assert sweep(f"{RUN} --members 600 --out s{i} --shard {i}/2")[0] == 0
+    for i in (1, 2):
+        more = f"{RUN} --members 900 --out s{i} --shard {i}/2 --resume"
+        code, _, err = sweep(more)
+        assert code == 2
+        assert f"s{i} holds a part of a campaign of 600 members" in err
+    assert sweep("merge s1 s2 --out all --no-report")[0] == 0
+    assert sweep(f"{RUN} --members 900 --out all --resume")[0] == 0
+    assert sweep(f"{RUN} --members 900 --out whole")[0] == 0
+    grown, whole = (tmp_path / name / "rows.bin" for name in ("all", "whole"))
+    assert grown.read_bytes() == whole.read_bytes()
+    latin = f"{RUN} --design latin-hypercube --out latin --members"
+    assert sweep(f"{latin} 20")[0] == 0
+    before = (tmp_path / "latin/rows.bin").read_bytes()
+    code, _, err = sweep(f"{latin} 30 --resume")
+    assert code == 2
+    assert "by how many there are, so that one of 20 cannot grow to 30" in err
+    assert (tmp_path / "latin/rows.bin").read_bytes() == before
+
+
+def test_equal_files_are_equal_however_they_are_named(sweep, tmp_path):
+    def write(folder, head="", k=0.3):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        law = f'[controller]\ntype = "smc"\n[controller.c0]\npitch = {k}\n'
+        width = 'law = "uniform"\nhalf_width = 0.1\n'
+        for name, text in (("g", law), ("u", f"[[vehicle]]\n{width}")):
+            (tmp_path / folder / f"{name}.toml").write_text(head + text, "utf-8-sig")
+
+    def told(folder):
+        files = f"--gains {folder}/g.toml --uncertainty {folder}/u.toml"
+        return f"{RUN} --members 20 {files}".replace("--controller smc", "")
+
+    write("a")
+    write("b", "# A comment.\n\n")
+    assert sweep(told("a") + " --out o")[0] == 0
+    for folder in ("./a", tmp_path / "a", "b", "a/../b"):
+        code, _, err = sweep(told(folder) + " --out o --resume")
+        assert code == 0, err
+    for i, folder in enumerate(("a", "./b"), 1):
+        assert sweep(told(folder) + f" --out s{i} --shard {i}/2")[0] == 0
+    assert sweep("merge s1 s2 --out whole --no-report")[0] == 0
+    rows = [(tmp_path / name / "rows.bin").read_bytes() for name in ("o", "whole")]
+    assert rows[0] == rows[1]
+    write("c", k=0.4)
+    code, _, err = sweep(told("c") + " --out o --resume")
+    assert code == 2
+    assert "other options (gains)" in err
 
 
 def test_requirements_are_met_by_whole_intervals(sweep, tmp_path):

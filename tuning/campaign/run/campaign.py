@@ -80,11 +80,42 @@ class CampaignSettings:
         text = json.dumps(table, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
+    def differences(self, other: "CampaignSettings") -> list[str]:
+        """Names of the settings that differ in what they say.
+
+        Files count by their keys and values: where they lie, how they are spelt on the
+        command line, their comments and what made them say nothing of the rows.
+        """
+        own, others = self._content(), other._content()
+        return [name for name, value in own.items() if value != others[name]]
+
+    def _content(self) -> dict[str, Any]:
+        table = dataclasses.asdict(self)
+        table["uncertainty"] = _parsed(self.uncertainty)
+        names = ("label", "origin")
+        table["gains"] = [
+            {key: _parsed(value) for key, value in entry.items() if key not in names}
+            for entry in table["gains"]
+        ]
+        return table
+
     @classmethod
     def of(cls, told: dict[str, Any]) -> "CampaignSettings":
         """Settings from what `dataclasses.asdict` made of them."""
         gains = tuple(Gains(**entry) for entry in told["gains"])
         return cls(**{**told, "gains": gains})
+
+
+def _parsed(content: Any) -> Any:
+    """Tables of a file's text, without those that say where it comes from."""
+    if isinstance(content, str):
+        try:
+            content = tomllib.loads(content)
+        except tomllib.TOMLDecodeError:
+            return content
+    if isinstance(content, dict):
+        return {key: value for key, value in content.items() if key != "provenance"}
+    return content
 
 
 @dataclasses.dataclass(frozen=True)

@@ -28,10 +28,12 @@ def read_shards(folders: list[Path]) -> list[tuple[Path, Manifest]]:
     shards.sort(key=lambda shard: shard[1].first)
     first = shards[0]
     for folder, manifest in shards:
-        if manifest.settings != first[1].settings:
+        others = manifest.settings.differences(first[1].settings)
+        if others:
             raise ValueError(
                 f"{folder} is not of the same campaign as {first[0]}: their options "
-                "differ. Merge shards that were made with the same options."
+                f"differ ({', '.join(others)}). Merge shards that were made with the "
+                "same options."
             )
         kept = whole_rows(folder / "rows.bin", manifest.row_type(), manifest.first)
         if kept != manifest.last - manifest.first:

@@ -195,7 +195,7 @@ def whole_rows(path: Path, kind: np.dtype, first: int) -> int:
 
 
 def prepare(folder: Path, manifest: Manifest, *, resume: bool, overwrite: bool) -> None:
-    """See that the folder holds this campaign or none.
+    """See that the folder holds this campaign, a part of it that can grow, or none.
 
     Raises:
         ValueError: it holds another one, or this one and it is not to be gone on with.
@@ -207,24 +207,49 @@ def prepare(folder: Path, manifest: Manifest, *, resume: bool, overwrite: bool) 
                 "it by --overwrite, or give another folder."
             )
         kept = read_manifest(folder)
-        same_part = (kept.first, kept.last) == (manifest.first, manifest.last)
-        if kept.settings != manifest.settings or not same_part:
-            raise ValueError(
-                f"--resume: {folder} holds a campaign with other options "
-                f"({', '.join(_differences(kept, manifest))}); repeat those, or give "
-                "another folder."
-            )
+        _check_that_it_goes_on(folder, kept, manifest)
+        if kept.settings.differences(manifest.settings):
+            dataclasses.replace(manifest, about=kept.about).write(folder)
         return
     for name in ("rows.bin", "sobol.bin"):
         (folder / name).unlink(missing_ok=True)
     manifest.write(folder)
 
 
-def _differences(kept: Manifest, wanted: Manifest) -> list[str]:
-    names = [
+def _check_that_it_goes_on(folder: Path, kept: Manifest, wanted: Manifest) -> None:
+    """Refuse what would not leave the rows that are there as they are.
+
+    Raises:
+        ValueError: says why.
+    """
+    others = [
         name
-        for name, value in vars(kept.settings).items()
-        if value != getattr(wanted.settings, name)
+        for name in kept.settings.differences(wanted.settings)
+        # How many there are to be changes no row, and neither does when to stop.
+        if name not in ("members", "until_ci")
     ]
-    parts = (kept.first, kept.last) != (wanted.first, wanted.last)
-    return [*names, "shard"] if parts and "members" not in names else names
+    had, asked = kept.settings.members, wanted.settings.members
+    part = (kept.first, kept.last)
+    if had == asked and part != (wanted.first, wanted.last):
+        others.append("shard")
+    if others:
+        raise ValueError(
+            f"--resume: {folder} holds a campaign with other options "
+            f"({', '.join(others)}); repeat those, or give another folder."
+        )
+    if asked < had:
+        raise ValueError(
+            f"--resume: {folder} holds a campaign of {had} members; received --members "
+            f"{asked}. Give {had} or more, or another folder."
+        )
+    if asked > had and kept.settings.design == "latin-hypercube":
+        raise ValueError(
+            f"--resume: a latin-hypercube places each member by how many there are, so "
+            f"that one of {had} cannot grow to {asked}; give another folder."
+        )
+    if asked > had and (part, wanted.first) != ((0, had), 0):
+        raise ValueError(
+            f"--resume: {folder} holds a part of a campaign of {had} members, and each "
+            f"part of one of {asked} would begin elsewhere; merge the parts and go on "
+            "with the whole, or give another folder."
+        )

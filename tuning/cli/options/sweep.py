@@ -38,7 +38,9 @@ def add_sweep(commands: Any) -> None:
         help="default: results/sweep",
     )
     parser.add_argument(
-        "--resume", action="store_true", help="go on with the campaign in --out"
+        "--resume",
+        action="store_true",
+        help="go on with the campaign in --out, or let it grow by more --members",
     )
     parser.add_argument(
         "--overwrite", action="store_true", help="discard the campaign in --out"
