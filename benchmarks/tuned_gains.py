@@ -18,11 +18,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import replacing, write_text
 from tuning.cli.options.arguments import CONTROLLERS, PLANTS, SCENARIOS
 from tuning.cli.session.jax_setup import start_jax
 from tuning.evaluation.held_out import Judge, compare_held_out
-from tuning.evaluation.runs import LABELS
 from tuning.problem.problem import TuningProblem
 from tuning.problem.spec import ProblemSpec
 
@@ -132,7 +132,7 @@ def _table(results: list[dict[str, Any]]) -> str:
     ]
     for result in results:
         rows = result["held_out"]
-        cells = [result["scenario"], result["plant"], LABELS[result["controller"]]]
+        cells = [result["scenario"], result["plant"], label_of(result["controller"])]
         for channel in ("depth", "pitch", "heading"):
             row = rows[channel]["rms_error"]
             best = PAPER_BEST[result["scenario"]][channel]

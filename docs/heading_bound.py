@@ -78,13 +78,15 @@ class Planned(AbstractController):
         )
         return steered, (inner, time + dt), record
 
-    def bounds(self, clock: Any) -> Any:
-        """The law's."""
-        return self.law.bounds(clock)
+    @property
+    def model(self) -> Any:
+        """The law's design model."""
+        return self.law.model
 
-    def limits(self, bounds: Any) -> Any:
-        """The law's."""
-        return self.law.limits(bounds)
+    @property
+    def funnel(self) -> Any:
+        """The law's funnel."""
+        return self.law.funnel
 
 
 def excess(value: jax.Array, limit: float) -> jax.Array:

@@ -20,6 +20,7 @@ import tuning.cli.main
 import tuning.cli.parser
 import tuning.evaluation.runs
 from jaxglider import paper
+from jaxglider.control.catalogue import BY_NAME
 from jaxglider.files.codec import encode
 from jaxglider.files.gains import load_gains
 from jaxglider.files.mission import TEMPLATE
@@ -81,7 +82,8 @@ def _refused(answer, *parts):
 def test_names_on_the_command_line_are_those_of_the_package():
     assert tuning.cli.parser.SCENARIOS == paper.SCENARIOS
     assert tuple(paper.PLANTS) == tuning.cli.parser.PLANTS
-    assert (*paper.CONTROLLERS, paper.ROLL_AWARE) == tuning.cli.parser.CONTROLLERS
+    assert tuple(BY_NAME) == tuning.cli.parser.CONTROLLERS
+    assert paper.CONTROLLERS == tuning.cli.parser.PAPER_CONTROLLERS
 
 
 def test_help_and_version_import_nothing_heavy(tmp_path):
@@ -288,9 +290,26 @@ def test_gains_of_the_package_are_compared_by_the_word(call, monkeypatch):
         assert encoded(tuned.controller, tuned.observer) == wanted
 
 
-def test_a_folder_of_the_name_is_meant_before_the_word(call, tmp_path):
-    (tmp_path / "tuned").write_text("x")
-    _refused(call("compare", "--gains", "tuned"), "tuned: ", "TOML")
+def test_a_word_is_meant_before_a_file_of_the_name(call, tmp_path, monkeypatch):
+    """Which gains are flown does not hang on what lies about in the folder."""
+    for word in ("tuned", "paper"):
+        (tmp_path / word).write_text("x")
+    entries = []
+    monkeypatch.setattr(
+        tuning.cli.commands.compare,
+        "run_all",
+        lambda planned, seed: (entries.extend(planned) or [], True),
+    )
+    code, _, _ = call("compare", "--gains", "tuned", "paper", "--controllers", "smc")
+    assert code == 130
+    assert {entry.controller for entry in entries} == {"smc", "smc (tuned)"}
+    _refused(call("compare", "--gains", "./tuned"), "./tuned: ", "TOML")
+
+
+def test_a_word_that_is_none_is_no_file_either(call, tmp_path):
+    (tmp_path / "mine").write_text("x")
+    parts = ("--gains must be paper, tuned, mission or a file", ".toml", "'mine'")
+    _refused(call("compare", "--gains", "mine"), *parts)
 
 
 def test_validate_says_what_would_be_run(call):

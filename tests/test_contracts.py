@@ -20,7 +20,8 @@ import pytest
 
 from jaxglider import paper
 from jaxglider.control import AbstractController
-from jaxglider.control.observer import AbstractObserver, NoObserver
+from jaxglider.control.catalogue import BY_NAME, OBSERVERS
+from jaxglider.control.observer import AbstractObserver
 from jaxglider.control.performance import (
     AbstractPerformanceFunction,
     ExponentialFunction,
@@ -304,10 +305,6 @@ def schedule():
     return Schedule([0.0, 10.0], [-0.7, -1.0], [0.5, 0.0], [0.1, 0.2])
 
 
-def controller_of(name):
-    return paper.make_controller(name, "switching", MODEL)
-
-
 REGISTRY = {
     "performance/sech": lambda: performance(SechFunction(1.0, 0.2, 8.0)),
     "performance/half-sech": lambda: performance(HalfSechFunction(1.0, 0.2, 8.0)),
@@ -326,12 +323,16 @@ REGISTRY = {
     "actuator/saturated": lambda: actuator(Actuator(0.4)),
     "actuator/rate-limited": lambda: actuator(rate_limited()),
     "actuator/failing": lambda: actuator(Actuator(0.4, failure=failure())),
-    "observer/none": lambda: observer(NoObserver()),
-    "observer/fixed-time": lambda: observer(paper.fixed_time_observer(MODEL)),
-    "controller/smc": lambda: controller(controller_of("smc")),
-    "controller/ppc": lambda: controller(controller_of("ppc")),
-    "controller/fxtppc": lambda: controller(controller_of("fxtppc")),
-    "controller/fxtppc-roll": lambda: controller(controller_of(paper.ROLL_AWARE)),
+    **{
+        f"observer/{name}": lambda name=name: observer(paper.make_observer(name, MODEL))
+        for name in OBSERVERS
+    },
+    **{
+        f"controller/{name}": lambda name=name: controller(
+            paper.make_controller(name, "switching", MODEL)
+        )
+        for name in BY_NAME
+    },
     "reference/schedule": lambda: reference(AttitudeSchedule(schedule())),
     "reference/waypoints": lambda: reference(
         WaypointPath([4.0, 9.0], [2.0, 0.0], LineOfSight(2.5, 0.01), schedule(), 3.0)

@@ -213,6 +213,8 @@ class Swing(AbstractPlant):
 
 class Proportional(AbstractController):
     gains: Channels
+    model: None = None
+    funnel: None = None
 
     def init(self):
         return None

@@ -6,12 +6,12 @@ demand; `allocate` turns that into a command, U = g⁻¹(demand − f − h d̂)
 """
 
 from abc import abstractmethod
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxglider.control.funnel import Limits
+from jaxglider.control.funnel import Funnel, Limits
 from jaxglider.control.performance import Bound, unbounded
 from jaxglider.core.containers import Container, Scalar, check_interval
 from jaxglider.core.numerics import barrier
@@ -42,8 +42,24 @@ class ControlRecord(eqx.Module):
 class AbstractController(Container):
     """A control law. Its array fields are its gains: what is tuned.
 
-    A law with a field `funnel` is judged by that funnel; one without has no bounds.
+    Attributes:
+        model: what the designer believes of the glider, or None.
+        funnel: the funnel that its errors are judged by, or None for no bounds.
     """
+
+    if TYPE_CHECKING:
+        # Fields or properties; a type checker would take the others for fields.
+        @property
+        def model(self) -> DesignModel | None:
+            """What the designer believes of the glider."""
+
+        @property
+        def funnel(self) -> Funnel | None:
+            """The funnel that its errors are judged by."""
+
+    else:
+        model: eqx.AbstractVar[DesignModel | None]
+        funnel: eqx.AbstractVar[Funnel | None]
 
     @abstractmethod
     def init(self) -> Any:
@@ -73,18 +89,16 @@ class AbstractController(Container):
         """
 
     def bounds(self, clock: Scalar) -> Channels[Bound]:
-        """P, P', P'' of the field `funnel` at t* [s]; infinite without such a field."""
-        funnel = getattr(self, "funnel", None)
-        if funnel is None:
+        """P, P', P'' of the funnel at t* [s]; infinite without one."""
+        if self.funnel is None:
             return Channels(*(unbounded(clock),) * 3)
-        return funnel.bounds(clock)
+        return self.funnel.bounds(clock)
 
     def limits(self, bounds: Channels[Bound]) -> Channels[Limits]:
         """The edges within which the errors should stay, −δ_L P and δ_R P."""
-        funnel = getattr(self, "funnel", None)
-        if funnel is None:
+        if self.funnel is None:
             return map_fields(lambda b: Limits(-b.value, b.value), bounds)
-        return funnel.limits(bounds)
+        return self.funnel.limits(bounds)
 
 
 def tracking_error(

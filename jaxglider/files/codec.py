@@ -6,15 +6,11 @@ from typing import Any
 
 import equinox as eqx
 
-from jaxglider.control import PPC, SMC, AbstractController, FxTPPC, RollAwareFxTPPC
+from jaxglider.control import AbstractController
+from jaxglider.control.catalogue import BY_NAME, OBSERVERS, PERFORMANCE_FUNCTIONS
 from jaxglider.control.fxtppc import EXPONENTS
-from jaxglider.control.observer import AbstractObserver, FixedTimeObserver, NoObserver
-from jaxglider.control.performance import (
-    AbstractPerformanceFunction,
-    ExponentialFunction,
-    HalfSechFunction,
-    SechFunction,
-)
+from jaxglider.control.observer import AbstractObserver
+from jaxglider.control.performance import AbstractPerformanceFunction
 from jaxglider.core.toml import (
     ConfigError,
     choice,
@@ -22,28 +18,18 @@ from jaxglider.core.toml import (
     refuse_unknown,
     whole_number,
 )
+from jaxglider.files.user_law import spec_of
+from jaxglider.vehicle.design_model import DesignModel
 
 FAMILIES: dict[type, dict[str, type]] = {
-    AbstractController: {
-        "smc": SMC,
-        "ppc": PPC,
-        "fxtppc": FxTPPC,
-        "fxtppc-roll": RollAwareFxTPPC,
-    },
-    AbstractObserver: {"none": NoObserver, "fixed-time": FixedTimeObserver},
-    AbstractPerformanceFunction: {
-        "sech": SechFunction,
-        "exponential": ExponentialFunction,
-        "ppc": HalfSechFunction,
-    },
+    AbstractController: {name: entry.cls for name, entry in BY_NAME.items()},
+    AbstractObserver: dict(OBSERVERS),
+    AbstractPerformanceFunction: dict(PERFORMANCE_FUNCTIONS),
 }
 """Names of the members of each family, as they stand under `type`."""
 
 
 _NAMED: dict[str, dict[str, Callable[..., Any]]] = {"exponents": EXPONENTS}
-
-
-_LEFT_OUT = ("model",)
 
 
 _CHANNEL_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
@@ -59,10 +45,10 @@ def encode(thing: eqx.Module, channel: str = "") -> dict[str, Any]:
     table: dict[str, Any] = {}
     family = _family(thing)
     if family:
-        table["type"] = _name_in(family, type(thing))
-    for field in _fields(thing):
+        table["type"] = _type_name(family, type(thing))
+    for field in dataclasses.fields(thing):
         value = getattr(thing, field.name)
-        if value is None:
+        if value is None or isinstance(value, DesignModel):
             continue
         if field.name in _NAMED:
             table[field.name] = _name_in(_NAMED[field.name], value)
@@ -99,10 +85,10 @@ def decode(
         family = {name: k for name, k in family.items() if issubclass(k, wanted)}
     if family and "type" in rest:
         kind = choice(rest.pop("type"), family, f"{path}.type")
-    values = {}
+    values: dict[str, Any] = {}
     for field in dataclasses.fields(kind):
         old = getattr(template, field.name, None)
-        if field.name in _LEFT_OUT:
+        if isinstance(old, DesignModel):
             values[field.name] = old
             continue
         key = _key(field, channel)
@@ -122,8 +108,12 @@ def decode(
             values[field.name] = whole_number(given, where)
         else:
             values[field.name] = number(given, where)
-    allowed = [_key(f, channel) for f in dataclasses.fields(kind)]
-    refuse_unknown(rest, [k for k in allowed if k not in _LEFT_OUT], path)
+    allowed = [
+        _key(field, channel)
+        for field in dataclasses.fields(kind)
+        if not isinstance(getattr(template, field.name, None), DesignModel)
+    ]
+    refuse_unknown(rest, allowed, path)
     try:
         return kind(**values)
     except (TypeError, ValueError) as error:
@@ -137,6 +127,12 @@ def _family(thing: Any) -> dict[str, type]:
     return {}
 
 
+def _type_name(family: dict[str, type], cls: type) -> str:
+    """Name of a class under `type`; of a law of one's own, FILE.py:ClassName."""
+    own = None if cls in family.values() else spec_of(cls)
+    return own or _name_in(family, cls)
+
+
 def _name_in(names: dict[str, Any], value: Any) -> str:
     for name, member in names.items():
         if member is value:
@@ -144,10 +140,6 @@ def _name_in(names: dict[str, Any], value: Any) -> str:
     raise ConfigError(
         f"{value!r} has no name in {', '.join(names)}: cannot be written."
     )
-
-
-def _fields(thing: Any) -> list[dataclasses.Field[Any]]:
-    return [f for f in dataclasses.fields(thing) if f.name not in _LEFT_OUT]
 
 
 def _key(field: dataclasses.Field[Any], channel: str) -> str:

@@ -5,103 +5,152 @@ the unit of their number where it is not one of the law's own (`settling_time_s`
 `final_bound_rad`). Unknown keys are refused with their path.
 """
 
-import dataclasses
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from jaxglider import paper
-from jaxglider.control import AbstractController
+from jaxglider.control import AbstractController, Funnel
+from jaxglider.control.catalogue import OBSERVERS
 from jaxglider.control.observer import AbstractObserver
-from jaxglider.core.toml import (
-    ConfigError,
-    TomlTable,
-    choice,
-    read_toml,
-)
-from jaxglider.files.codec import FAMILIES, decode, encode
+from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
+from jaxglider.files.codec import decode, encode
+from jaxglider.files.user_law import first_gains, is_own, source_of
 from jaxglider.guidance import LineOfSight, WaypointPath
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.scenario import Scenario
-
-
-class LoadedGains(NamedTuple):
-    """What a gains file holds.
-
-    Attributes:
-        kind: name of the controller's kind.
-        controller: with its gains.
-        observer: likewise.
-        guidance: gains of the line of sight, or None where the file has none.
-    """
-
-    kind: str
-    controller: AbstractController
-    observer: AbstractObserver
-    guidance: LineOfSight | None
-
-    def on(self, scenario: Scenario) -> ClosedLoop:
-        """The closed loop that steers a scenario with these gains.
-
-        Guidance that the file has replaces that of a waypoint path; a schedule has
-        none, and keeps its headings.
-        """
-        path = scenario.reference
-        if self.guidance is not None and isinstance(path, WaypointPath):
-            path = dataclasses.replace(path, line_of_sight=self.guidance)
-            scenario = dataclasses.replace(scenario, reference=path)
-        return ClosedLoop(scenario, self.controller, self.observer)
+from jaxglider.simulation.gains import LoadedGains as LoadedGains
+from jaxglider.vehicle.design_model import DesignModel
 
 
 def encode_law(loop: ClosedLoop) -> dict[str, Any]:
     """Gains of a closed loop as the tables of a gains file."""
+    path = loop.scenario.reference
+    guidance = path.line_of_sight if isinstance(path, WaypointPath) else None
+    return encode_gains(loop.controller, loop.observer, guidance)
+
+
+def encode_gains(
+    controller: AbstractController,
+    observer: AbstractObserver,
+    guidance: LineOfSight | None,
+) -> dict[str, Any]:
+    """Gains of a law, its observer and its guidance as the tables of a gains file."""
     tables = {
         "format": 1,
-        "controller": encode(loop.controller),
-        "observer": encode(loop.observer),
+        "controller": encode(controller),
+        "observer": encode(observer),
     }
-    path = loop.scenario.reference
-    if isinstance(path, WaypointPath):
-        tables["guidance"] = encode(path.line_of_sight)
-    return tables
+    return tables if guidance is None else tables | {"guidance": encode(guidance)}
 
 
-def load_gains(path: str | Path, scenario: str, model: Any) -> LoadedGains:
+def load_gains(path: str | Path, scenario: str, model: DesignModel) -> LoadedGains:
     """Read a gains file.
 
     Args:
-        path: of the file, as `jaxglider tune` writes it.
+        path: path of the file, as `jaxglider tune` writes it.
         scenario: `switching` or `waypoints`, for what the file leaves out.
         model: design model.
 
     Raises:
         ConfigError: names the file, the key, the rule and the value.
     """
-    data = read_toml(path)
+    tables = read_gains(path)
     try:
-        return decode_gains(data, scenario, model)
+        return decode_gains(tables, scenario, model)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
 
 
-def decode_gains(data: dict[str, Any], scenario: str, model: Any) -> LoadedGains:
+def read_gains(path: str | Path) -> dict[str, Any]:
+    """The tables of a gains file, a law of one's own in them found.
+
+    Raises:
+        ConfigError: it cannot be read.
+    """
+    tables = read_toml(path)
+    controller = tables.get("controller")
+    if not isinstance(controller, dict):
+        return tables
+    return tables | {"controller": with_law_found(controller, Path(path).parent)}
+
+
+def with_law_found(controller: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The table `controller` of a file, with the path of a law of one's own.
+
+    A relative path is looked for in the file's folder, then in the working folder.
+
+    Args:
+        controller: table to look into.
+        folder: folder of the file that the table is from.
+    """
+    kind = controller.get("type")
+    if not is_own(kind):
+        return controller
+    beside = folder / str(kind).rpartition(":")[0]
+    if not beside.is_file():
+        return controller
+    return controller | {"type": f"{beside}:{str(kind).rpartition(':')[2]}"}
+
+
+def with_law_inside(tables: dict[str, Any]) -> dict[str, Any]:
+    """Tables of a gains or mission file that hold the text of a law of one's own.
+
+    They mean the same without the law's file. Tables of other laws stay as they are.
+
+    Raises:
+        ConfigError: the file cannot be read.
+    """
+    controller = tables.get("controller")
+    if not isinstance(controller, dict) or not is_own(controller.get("type")):
+        return tables
+    kind = controller["type"]
+    inside = {"name": kind, "text": source_of(kind)}
+    return tables | {"controller": controller | {"type": inside}}
+
+
+def kind_of(controller: TomlTable, default: Any = None) -> tuple[str, str | None]:
+    """The law that a table `controller` asks for.
+
+    Args:
+        controller: table to read `type` of.
+        default: name where it does not say; None where it must.
+
+    Returns:
+        Its name, and the text of its file if the table holds it.
+
+    Raises:
+        ConfigError: it is missing, or neither text nor a table of name and text.
+    """
+    if isinstance(controller.get("type", default), dict):
+        inside = controller.table("type")
+        kind, text = inside.text("name"), inside.text("text")
+        inside.close()
+        return kind, text
+    return controller.text("type", *(() if default is None else (default,))), None
+
+
+def decode_gains(
+    data: dict[str, Any],
+    scenario: str,
+    model: DesignModel,
+    funnel: Funnel | None = None,
+) -> LoadedGains:
     """Gains from parsed TOML.
 
     Args:
         data: tables of a gains file.
         scenario: `switching` or `waypoints`, for what they leave out.
         model: design model.
+        funnel: funnel that a law of one's own begins with; the paper's by default.
 
     Raises:
         ConfigError: names the key, the rule and the value.
     """
     top = TomlTable(data, "")
-    table = top.get("controller")
-    kind = TomlTable(table, "controller").text("type")
-    choice(kind, FAMILIES[AbstractController], "controller.type")
-    controller = decode(
-        paper.make_controller(kind, scenario, model), table, "controller"
-    )
-    observer = decode_observer(top.get("observer", {}), kind, model)
+    controller_table = TomlTable(top.get("controller"), "controller")
+    kind, text = kind_of(controller_table)
+    law = first_gains(kind, scenario, model, funnel, text)
+    controller = decode(law.controller, controller_table.rest(), "controller")
+    observer = decode_observer(top.get("observer", {}), law.observer, model)
     guidance = top.get("guidance", None)
     if guidance is not None:
         guidance = decode(paper.guidance(), guidance, "guidance")
@@ -111,21 +160,19 @@ def decode_gains(data: dict[str, Any], scenario: str, model: Any) -> LoadedGains
     return LoadedGains(kind, controller, observer, guidance)
 
 
-def decode_observer(table: Any, controller: str, model: Any, given: Any = None) -> Any:
+def decode_observer(table: Any, default: Any, model: DesignModel) -> Any:
     """The observer a table asks for.
 
     Args:
         table: what the file says of it.
-        controller: kind of the controller.
+        default: observer whose numbers the table overrides.
         model: design model.
-        given: what the table overrides; the paper's for its controller by default.
+
+    Raises:
+        ConfigError: names the key, the rule and the value.
     """
-    if given is None:
-        given = paper.make_observer(controller, model)
     if isinstance(table, dict) and "type" in table:
-        allowed = {"none": "smc", "fixed-time": "fxtppc"}
-        wanted = paper.make_observer(
-            choice(table["type"], allowed, "observer.type"), model
-        )
-        given = given if type(given) is type(wanted) else wanted
-    return decode(given, table, "observer")
+        choice(table["type"], dict(OBSERVERS), "observer.type")
+        asked = paper.make_observer(table["type"], model)
+        default = default if type(default) is type(asked) else asked
+    return decode(default, table, "observer")

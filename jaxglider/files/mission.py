@@ -11,9 +11,17 @@ from pathlib import Path
 from typing import Any
 
 from jaxglider import paper
+from jaxglider.control import Funnel
 from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode
-from jaxglider.files.gains import LoadedGains, decode_gains, decode_observer, load_gains
+from jaxglider.files.gains import (
+    decode_gains,
+    decode_observer,
+    kind_of,
+    read_gains,
+    with_law_found,
+    with_law_inside,
+)
 from jaxglider.files.mission_tables import (
     read_actuators,
     read_clock,
@@ -23,8 +31,12 @@ from jaxglider.files.mission_tables import (
     read_vehicle,
     read_water,
 )
+from jaxglider.files.user_law import first_gains, short_name
+from jaxglider.guidance import WaypointPath
 from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.gains import LoadedGains
 from jaxglider.simulation.scenario import Scenario
+from jaxglider.vehicle.design_model import DesignModel
 
 TEMPLATE = functools.partial(
     (resources.files("jaxglider.files") / "templates" / "mission.toml").read_text,
@@ -41,18 +53,25 @@ class Mission:
     """What a mission file asks for.
 
     Attributes:
-        name: of the mission.
-        loop: the closed loop.
-        seed: of the sea.
-        controller: name of its kind.
-        plant: name of its kind.
+        name: name of the mission.
+        loop: closed loop to be flown.
+        seed: seed of the sea.
+        law: law, observer and guidance of the loop, by themselves.
+        model: design model that laws for this mission begin with.
+        plant: name of the plant.
     """
 
     name: str
     loop: ClosedLoop
     seed: int
-    controller: str
+    law: LoadedGains
+    model: DesignModel
     plant: str
+
+    @property
+    def controller(self) -> str:
+        """Name of the law, for tables."""
+        return short_name(self.law.kind)
 
 
 def load_mission(path: str | Path) -> Mission:
@@ -98,7 +117,8 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     model = paper.design_model(plant, factor)
     task = top.table("reference")
     case = paper_case(task.text("type", "schedule") == "waypoints")
-    law = _law(top.table("controller"), model, case, folder)
+    funnel = _funnel(top.get("funnel", None), case)
+    law = _law(top.get("controller", {}), model, case, funnel, folder)
     scenario = Scenario(
         read_clock(top.table("clock")),
         plant,
@@ -106,14 +126,16 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
         read_disturbance(top.tables("disturbance")),
         read_reference(task, law.guidance or paper.guidance()),
         read_initial_state(top.table("initial_state")),
-        funnel=_funnel(top.get("funnel", None), case),
+        funnel=funnel,
         water=read_water(top.table("water"), vehicle),
     )
     table = top.table("observer")
-    observer = decode_observer(table.rest(), law.kind, model, law.observer)
+    observer = decode_observer(table.rest(), law.observer, model)
     top.close()
-    loop = ClosedLoop(scenario, law.controller, observer)
-    return Mission(name, loop, seed, law.kind, plant_name)
+    path = scenario.reference
+    guidance = path.line_of_sight if isinstance(path, WaypointPath) else None
+    law = law._replace(observer=observer, guidance=guidance)
+    return Mission(name, law.on(scenario), seed, law, model, plant_name)
 
 
 def paper_case(has_waypoints: bool) -> str:
@@ -130,46 +152,55 @@ def self_contained(path: str | Path) -> dict[str, Any]:
         ConfigError: a file cannot be read.
     """
     folder, data = Path(path).parent, read_toml(path)
-    for table, key in (("vehicle", "data"), ("controller", "gains_file")):
-        within = data.get(table)
-        if not isinstance(within, dict):
-            continue
-        named = within.get(key)
+    vehicle, controller = data.get("vehicle"), data.get("controller")
+    if isinstance(vehicle, dict):
+        file = vehicle.get("data")
         # A vehicle without the ending is one of the package's.
-        if isinstance(named, str) and (table != "vehicle" or named.endswith(".toml")):
-            data[table] = within | {key: read_toml(folder / named)}
-    return data
+        if isinstance(file, str) and file.endswith(".toml"):
+            data["vehicle"] = vehicle | {"data": read_toml(folder / file)}
+    if isinstance(controller, dict):
+        file = controller.get("gains_file")
+        if isinstance(file, str):
+            tables = with_law_inside(read_gains(folder / file))
+            controller = controller | {"gains_file": tables}
+        data["controller"] = with_law_found(controller, folder)
+    return with_law_inside(data)
 
 
 def _funnel(table: Any, case: str) -> Any:
     return None if table is None else decode(paper.funnel(case), table, "funnel")
 
 
-def _law(table: TomlTable, model: Any, case: str, folder: Path) -> LoadedGains:
-    """Gains of the table over those of its gains file, or over the paper's."""
+def _law(
+    data: Any, model: DesignModel, case: str, funnel: Funnel | None, folder: Path
+) -> LoadedGains:
+    """Gains of the table over those of its gains file, or over the law's first."""
+    found = with_law_found(data, folder) if isinstance(data, dict) else data
+    table = TomlTable(found, "controller")
     source = table.get("gains_file", None)
     if source is None:
-        kind = table.text("type", "fxtppc")
-        law = decode_gains({"controller": {"type": kind}}, case, model)
+        kind, text = kind_of(table, "fxtppc")
+        law = first_gains(kind, case, model, funnel, text)
     else:
-        law, file = _filed_law(table, source, model, case, folder)
-        if table.text("type", law.kind) != law.kind:
+        law, file = _filed_law(table, source, (case, model, funnel), folder)
+        kind, _ = kind_of(table, law.kind)
+        if kind != law.kind:
             raise ConfigError(
                 f"controller.type must be {law.kind!r}, the kind that {file} holds; "
-                f"received {table.text('type')!r}. Change one of the two."
+                f"received {kind!r}. Change one of the two."
             )
     return law._replace(controller=decode(law.controller, table.rest(), "controller"))
 
 
 def _filed_law(
-    table: TomlTable, source: Any, model: Any, case: str, folder: Path
+    table: TomlTable, source: Any, beginning: tuple[Any, ...], folder: Path
 ) -> tuple[LoadedGains, str]:
     """Gains from a file, or from its tables in its place; and what to call it."""
-    if not isinstance(source, dict):
-        file = folder / table.text("gains_file")
-        return load_gains(file, case, model), str(file)
     where = table.where("gains_file")
+    if not isinstance(source, dict):
+        where = str(folder / table.text("gains_file"))
+        source = read_gains(where)
     try:
-        return decode_gains(source, case, model), where
+        return decode_gains(source, *beginning), where
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from error

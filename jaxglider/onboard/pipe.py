@@ -202,12 +202,14 @@ class PipeController(AbstractController):
     A program has a memory of its own: run it once, tick after tick, not under `vmap`.
 
     Attributes:
-        funnel: what its errors are judged by, or None.
+        funnel: the funnel that its errors are judged by, or None.
         peer: the program.
+        model: None; the program keeps its beliefs to itself.
     """
 
     funnel: Funnel | None
     peer: ChildProcess = eqx.field(static=True)
+    model: None = None
 
     def init(self) -> Scalar:
         """Ticks so far."""

@@ -16,6 +16,7 @@ from jaxglider.paper.laws import SCENARIOS as SCENARIOS
 from jaxglider.paper.laws import fixed_time_observer as fixed_time_observer
 from jaxglider.paper.laws import funnel as funnel
 from jaxglider.paper.laws import make_controller as make_controller
+from jaxglider.paper.laws import make_law as make_law
 from jaxglider.paper.laws import make_observer as make_observer
 from jaxglider.paper.tables import printed_tables as printed_tables
 from jaxglider.paper.tables import printed_value as printed_value

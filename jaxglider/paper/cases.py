@@ -18,7 +18,7 @@ from jaxglider.guidance import (
     Schedule,
     WaypointPath,
 )
-from jaxglider.paper.laws import SCENARIOS, make_controller, make_observer
+from jaxglider.paper.laws import SCENARIOS, make_law
 from jaxglider.signals import GliderState, map_fields
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Clock, Scenario
@@ -137,8 +137,4 @@ def make_loop(
     """A whole closed loop of the paper; options as for `make_scenario`."""
     setting = make_scenario(scenario, plant, **options)
     model = design_model(setting.plant)
-    return ClosedLoop(
-        setting,
-        make_controller(controller, scenario, model),
-        make_observer(controller, model),
-    )
+    return make_law(controller, scenario, model).on(setting)

@@ -1,6 +1,7 @@
 """The laws and gains of the paper, and FxTPPC-roll around them."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from jaxglider.control import (
@@ -12,6 +13,7 @@ from jaxglider.control import (
     FxTPPC,
     RollAwareFxTPPC,
 )
+from jaxglider.control.catalogue import BY_NAME
 from jaxglider.control.fxtppc import paper_exponents
 from jaxglider.control.observer import AbstractObserver, FixedTimeObserver, NoObserver
 from jaxglider.control.performance import (
@@ -22,12 +24,14 @@ from jaxglider.control.performance import (
 from jaxglider.control.transform import ErrorTransformation
 from jaxglider.core.containers import choose
 from jaxglider.signals import BodyAxes, Channels
+from jaxglider.simulation.gains import LoadedGains
 from jaxglider.vehicle.design_model import DesignModel
 
 SCENARIOS = ("switching", "waypoints")
 """The paper's two cases: switching attitudes, and a course of waypoints."""
 
 CONTROLLERS = ("smc", "ppc", "fxtppc")
+"""The paper's own laws."""
 
 ROLL_AWARE = "fxtppc-roll"
 """The third law made aware of the roll; not the paper's."""
@@ -58,33 +62,29 @@ def funnel(
     return Funnel(Channels(**performance), _on_each(ErrorTransformation()))
 
 
-def make_controller(name: str, scenario: str, model: DesignModel) -> AbstractController:
-    """One of the three controllers with the paper's gains, or `fxtppc-roll`.
+def _smc(scenario: str, model: DesignModel) -> SMC:
+    """Its funnel only serves to judge it by the same bounds."""
+    return SMC(
+        model,
+        c0=Channels(0.1, 0.1, 0.1),
+        c1=Channels(1.0, 1.0, 1.0),
+        c2=Channels(5.0, 5.0, 5.0),
+        funnel=funnel(scenario),
+    )
 
-    The funnel of `smc` only serves to judge it by the same bounds.
 
-    Raises:
-        ValueError: an unknown name.
-    """
-    choose("controller", name, (*CONTROLLERS, ROLL_AWARE))
-    choose("scenario", scenario, SCENARIOS)
-    if name == "smc":
-        return SMC(
-            model,
-            c0=Channels(0.1, 0.1, 0.1),
-            c1=Channels(1.0, 1.0, 1.0),
-            c2=Channels(5.0, 5.0, 5.0),
-            funnel=funnel(scenario),
-        )
-    if name == "ppc":
-        return PPC(
-            model,
-            funnel(scenario, HalfSechFunction),
-            l0=Channels(0.1, 0.1, 0.1),
-            l1_margin=Channels(0.1, 0.1, 0.1),
-            l2=Channels(1.0, 1.0, 3.0),
-        )
-    law = FxTPPC(
+def _ppc(scenario: str, model: DesignModel) -> PPC:
+    return PPC(
+        model,
+        funnel(scenario, HalfSechFunction),
+        l0=Channels(0.1, 0.1, 0.1),
+        l1_margin=Channels(0.1, 0.1, 0.1),
+        l2=Channels(1.0, 1.0, 3.0),
+    )
+
+
+def _fxtppc(scenario: str, model: DesignModel) -> FxTPPC:
+    return FxTPPC(
         model,
         funnel(scenario),
         Channels(
@@ -94,7 +94,35 @@ def make_controller(name: str, scenario: str, model: DesignModel) -> AbstractCon
         ),
         exponents=paper_exponents,
     )
-    return law if name == "fxtppc" else RollAwareFxTPPC(law)
+
+
+def _fxtppc_roll(scenario: str, model: DesignModel) -> RollAwareFxTPPC:
+    return RollAwareFxTPPC(_fxtppc(scenario, model))
+
+
+_WITH_PAPER_GAINS: dict[str, Callable[[str, DesignModel], AbstractController]] = {
+    "smc": _smc,
+    "ppc": _ppc,
+    "fxtppc": _fxtppc,
+    "fxtppc-roll": _fxtppc_roll,
+}
+
+
+def make_controller(name: str, scenario: str, model: DesignModel) -> AbstractController:
+    """A law with the paper's gains.
+
+    Args:
+        name: of the law in the catalogue; `fxtppc-roll` has those of `fxtppc`, and
+            defaults of its own for the roll.
+        scenario: `switching` or `waypoints`.
+        model: design model.
+
+    Raises:
+        ValueError: an unknown name.
+    """
+    choose("controller", name, tuple(_WITH_PAPER_GAINS))
+    choose("scenario", scenario, SCENARIOS)
+    return _WITH_PAPER_GAINS[name](scenario, model)
 
 
 def fixed_time_observer(model: DesignModel) -> FixedTimeObserver:
@@ -107,9 +135,40 @@ def fixed_time_observer(model: DesignModel) -> FixedTimeObserver:
     )
 
 
-def make_observer(controller: str, model: DesignModel) -> AbstractObserver:
-    """The observer the paper gives a controller: none for `smc`."""
-    return NoObserver() if controller == "smc" else fixed_time_observer(model)
+_OBSERVERS: dict[str, Callable[[DesignModel], AbstractObserver]] = {
+    "none": lambda model: NoObserver(),
+    "fixed-time": fixed_time_observer,
+}
+
+
+def make_observer(name: str, model: DesignModel) -> AbstractObserver:
+    """An observer with the paper's gains.
+
+    Args:
+        name: of the observer in the catalogue, `none` or `fixed-time`.
+        model: design model.
+
+    Raises:
+        ValueError: an unknown name.
+    """
+    choose("observer", name, tuple(_OBSERVERS))
+    return _OBSERVERS[name](model)
+
+
+def make_law(name: str, scenario: str, model: DesignModel) -> LoadedGains:
+    """A law with the paper's gains, and the observer the paper gives it.
+
+    Args:
+        name: of the law in the catalogue.
+        scenario: `switching` or `waypoints`.
+        model: design model.
+
+    Raises:
+        ValueError: an unknown name.
+    """
+    controller = make_controller(name, scenario, model)
+    observer = make_observer(BY_NAME[name].observer, model)
+    return LoadedGains(name, controller, observer)
 
 
 def _on_each(thing: Any) -> Channels[Any]:

@@ -17,6 +17,8 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 from matplotlib.transforms import offset_copy
 
+from jaxglider.control.catalogue import LAWS
+
 INK = "#222222"
 """Reference, truth, waypoints."""
 SHADE = "#d9d9d9"
@@ -66,17 +68,23 @@ class Style(NamedTuple):
     dashes: Any
 
 
-_OWN = {
-    "fxtppc": Style("#0072B2", "-"),
-    "fxtppc-roll": Style("#882255", (0, (1, 1))),
-    "ppc": Style("#D55E00", (0, (5, 1.2))),
-    "smc": Style("#009E73", (0, (5, 1.2, 1.2, 1.2))),
-}
+_BLUE = Style("#0072B2", "-")
+_WINE = Style("#882255", (0, (1, 1)))
+_VERMILION = Style("#D55E00", (0, (5, 1.2)))
+_GREEN = Style("#009E73", (0, (5, 1.2, 1.2, 1.2)))
 _OTHERS = (
     Style("#CC79A7", (0, (2, 1))),
     Style("#E69F00", (0, (8, 1.5))),
     Style("#56B4E9", (0, (3, 1, 1, 1, 1, 1))),
     Style("#000000", (0, (1, 1))),
+)
+# The laws of the catalogue in its order; one more takes the first of the others.
+_OWN = dict(
+    zip(
+        (entry.label.lower() for entry in LAWS),
+        (_GREEN, _VERMILION, _BLUE, _WINE, *_OTHERS),
+        strict=False,
+    )
 )
 
 
@@ -222,5 +230,5 @@ def in_words(number: float) -> str:
 
 def distinct_styles(number: int) -> list[Style]:
     """Styles for lines that are no runs, told apart from each other."""
-    every = (*_OWN.values(), *_OTHERS)
+    every = (_BLUE, _WINE, _VERMILION, _GREEN, *_OTHERS)
     return [every[k % len(every)] for k in range(number)]

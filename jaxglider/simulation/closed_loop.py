@@ -176,7 +176,7 @@ class ClosedLoop(eqx.Module):
         following: GliderState,
         given: TickInput,
     ) -> BodyAxes[Scalar]:
-        model = getattr(self.controller, "model", None)
+        model = self.controller.model
         if model is None:
             return given.force_start
         force = model.force(truth.state, truth.attitude, applied)

@@ -8,7 +8,6 @@ from typing import Any
 
 import equinox as eqx
 import numpy as np
-import tomli_w
 from matplotlib.figure import Figure
 
 from jaxglider.files.gains import encode_law
@@ -31,7 +30,7 @@ from tuning.campaign.run.rows import COLUMNS, Rows
 from tuning.campaign.run.store import Manifest, opened, prepare
 from tuning.problem.case import FlightCase
 from tuning.problem.fingerprint import fingerprint
-from tuning.problem.gain_sets import Gains
+from tuning.problem.gain_sets import GainSet
 from tuning.problem.spec import DEFAULT_UNCERTAINTY, name_of
 from tuning.reporting.console import BarProgress, Progress, SilentProgress, note
 from tuning.reporting.output_folder import writing_to
@@ -280,12 +279,12 @@ def _campaign(
     )
 
 
-def _gain_set(name: str, loop: ClosedLoop) -> Gains:
+def _gain_set(name: str, loop: ClosedLoop) -> GainSet:
     """What the manifest keeps of a loop: its gains, if its law has a name in files."""
     try:
-        return Gains(name, "Python", tomli_w.dumps(encode_law(loop)))
+        return GainSet(name, "Python", encode_law(loop))
     except ValueError:
-        return Gains(name, "Python", "")
+        return GainSet(name, "Python", {})
 
 
 def _requirement(text: str) -> Requirement:

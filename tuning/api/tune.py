@@ -13,6 +13,7 @@ import tomli_w
 from matplotlib.figure import Figure
 
 from jaxglider.files.gains import encode_law
+from jaxglider.files.user_law import short_name
 from jaxglider.files.writing import provenance, write_json, write_text
 from jaxglider.plotting.style import look
 from jaxglider.simulation.closed_loop import ClosedLoop
@@ -85,7 +86,7 @@ class TuneResult:
         return {
             "scenario": problem.spec.case.title,
             "plant": problem.spec.case.plant,
-            "controller": problem.spec.controller,
+            "controller": short_name(problem.spec.controller),
             "method": self.method,
             "steps": self.history[-1].number,
             "refused": sum(step.refused for step in self.history),

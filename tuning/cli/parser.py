@@ -6,11 +6,13 @@ from typing import Any
 
 from tuning.cli.options.arguments import (
     CONTROLLERS,
+    OWN_LAW,
     PAPER_CONTROLLERS,
     PLANTS,
     SCENARIOS,
     add_common,
     add_dt,
+    law,
     seed,
 )
 from tuning.cli.options.export import add_controller_binary, add_export
@@ -71,15 +73,15 @@ def _add_compare(commands: Any) -> None:
     parser.add_argument(
         "--controllers",
         nargs="+",
-        choices=CONTROLLERS,
+        type=law,
         default=list(PAPER_CONTROLLERS),
         metavar="NAME",
-        help=f"any of {', '.join(CONTROLLERS)}; default: the paper's three",
+        help=f"any of {', '.join(CONTROLLERS)}, or {OWN_LAW}; default: the paper's "
+        "three",
     )
     parser.add_argument(
         "--gains",
         nargs="+",
-        type=Path,
         default=[],
         metavar="FILE",
         help="gains files, as `tune` writes them, each compared as one more "
@@ -102,7 +104,15 @@ def _add_simulate(commands: Any) -> None:
     parser.add_argument(
         "--seed", type=seed, metavar="N", help="of the sea, instead of the file's"
     )
-    add_controller_binary(parser)
+    steered = parser.add_mutually_exclusive_group()
+    steered.add_argument(
+        "--controller",
+        type=law,
+        metavar="NAME",
+        help="law in the place of the mission's, with the gains it begins with: "
+        f"{', '.join(CONTROLLERS)}, or {OWN_LAW}",
+    )
+    add_controller_binary(parser, steered)
     add_common(parser, "results/simulate")
 
 

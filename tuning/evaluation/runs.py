@@ -10,6 +10,7 @@ from typing import Any
 import jax
 
 from jaxglider.files.results import metrics_dict, write_trajectories
+from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import provenance, write_json, write_text
 from jaxglider.plotting import save_all
 from jaxglider.simulation.closed_loop import ClosedLoop
@@ -17,13 +18,6 @@ from jaxglider.simulation.rollout import Trajectory, simulate
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
 from tuning.reporting.tables import markdown_tables, text_table
-
-LABELS = {
-    "smc": "SMC",
-    "ppc": "PPC",
-    "fxtppc": "FxTPPC",
-    "fxtppc-roll": "FxTPPC-roll",
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -139,7 +133,7 @@ def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
 
 def _label(controller: str) -> str:
     kind, _, rest = controller.partition(" ")
-    return f"{LABELS.get(kind, kind)} {rest}".strip()
+    return f"{label_of(kind)} {rest}".strip()
 
 
 def _file_name(text: str) -> str:

@@ -2,17 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
-
-import tomli_w
 
 from jaxglider import paper
-from jaxglider.files.gains import encode_law
 from jaxglider.files.mission import Mission, paper_case
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Clock, Scenario
 from jaxglider.vehicle.design_model import DesignModel
-from tuning.problem.gain_sets import MISSION, Gains, resolve
+from tuning.problem.gain_sets import MISSION, GainSet, resolve
 
 DT = 0.05
 """Control tick where none is given [s]."""
@@ -38,7 +34,7 @@ class FlightCase:
     plant: str
     scenario: Scenario
     model: DesignModel
-    own: Gains | None = None
+    own: GainSet | None = None
 
     @classmethod
     def of_paper(
@@ -78,19 +74,14 @@ class FlightCase:
             clock = Clock.lasting(duration, float(clock.dt), clock.substeps)
             scenario = dataclasses.replace(scenario, clock=clock)
         if scenario.funnel is None:
-            funnel: Any = getattr(loop.controller, "funnel", None)
-            scenario = dataclasses.replace(scenario, funnel=funnel)
+            scenario = dataclasses.replace(scenario, funnel=loop.controller.funnel)
         return cls(
             mission.name,
             paper_case(scenario.reference.can_finish),
             mission.plant,
             scenario,
-            loop.controller.model,  # type: ignore[attr-defined]
-            Gains(
-                f"{mission.controller} ({MISSION})",
-                MISSION,
-                tomli_w.dumps(encode_law(loop)),
-            ),
+            mission.model,
+            GainSet(f"{mission.controller} ({MISSION})", MISSION, mission.law),
         )
 
     @classmethod
@@ -103,9 +94,8 @@ class FlightCase:
         """
         scenario = loop.scenario
         if scenario.funnel is None:
-            funnel: Any = getattr(loop.controller, "funnel", None)
-            scenario = dataclasses.replace(scenario, funnel=funnel)
-        model: Any = getattr(loop.controller, "model", None)
+            scenario = dataclasses.replace(scenario, funnel=loop.controller.funnel)
+        model = loop.controller.model
         if model is None:
             model = paper.design_model(scenario.plant)
         case = paper_case(scenario.reference.can_finish)
@@ -113,11 +103,11 @@ class FlightCase:
 
     def resolve(
         self, words: Sequence[str], controllers: Sequence[str]
-    ) -> tuple[Gains, ...]:
+    ) -> tuple[GainSet, ...]:
         """The sets of gains that words and file names stand for here."""
         return resolve(words, controllers, self.kind, self.plant, self.own)
 
-    def loop(self, gains: Gains) -> tuple[str, ClosedLoop]:
+    def loop(self, gains: GainSet) -> tuple[str, ClosedLoop]:
         """The kind of controller of a set of gains, and the closed loop with it."""
-        law = gains.load(self.kind, self.model)
+        law = gains.load(self.kind, self.model, self.scenario.funnel)
         return law.kind, law.on(self.scenario)

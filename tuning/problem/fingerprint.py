@@ -35,7 +35,7 @@ def _parts(value: Any) -> Iterator[str | bytes]:
     if isinstance(value, jax.Array | np.ndarray | np.generic):
         yield from _array_parts(value)
     elif dataclasses.is_dataclass(value) and not isinstance(value, type):
-        yield type(value).__qualname__
+        yield from _code_parts(type(value))
         for field in dataclasses.fields(value):
             yield field.name
             yield from _parts(getattr(value, field.name))

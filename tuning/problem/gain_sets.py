@@ -1,49 +1,111 @@
-"""What a command is told about gains: words and files, turned into controllers."""
+"""What a command is told about gains: words and files, turned into sets of gains."""
 
 import dataclasses
 import os
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jaxglider.core.toml import ConfigError, file_text, read_toml
-from jaxglider.files.gains import LoadedGains, decode_gains
+from jaxglider.control import Funnel
+from jaxglider.core.toml import ConfigError, read_toml
+from jaxglider.files.gains import (
+    LoadedGains,
+    decode_gains,
+    encode_gains,
+    read_gains,
+    with_law_inside,
+)
+from jaxglider.files.user_law import is_own, short_name
 from jaxglider.paper.tuned import tuned_gains
+from jaxglider.vehicle.design_model import DesignModel
 
 PAPER, TUNED, MISSION = "paper", "tuned", "mission"
-"""The words for the paper's own gains, for those that come with jaxglider, and for
-those of a mission file."""
+"""The words for the gains that a law begins with (the paper's), for those that come
+with jaxglider, and for those of a mission file."""
+
+Tables = dict[str, Any]
 
 
 @dataclasses.dataclass(frozen=True)
-class Gains:
+class GainSet:
     """A set of gains and what it is called.
 
     Attributes:
-        label: for tables and files; unique among those of one command.
-        origin: the word or file that it came from.
-        text: of a gains file; what it leaves out has the paper's value.
+        label: name for tables and files; unique among those of one command.
+        origin: word or file that it came from.
+        content: tables of a gains file, where what is left out has the value that the
+            law begins with; or the law itself.
     """
 
     label: str
     origin: str
-    text: str
+    content: Tables | LoadedGains
 
-    def load(self, scenario: str, model: Any) -> LoadedGains:
-        """What the text says.
+    def load(
+        self, scenario: str, model: DesignModel, funnel: Funnel | None = None
+    ) -> LoadedGains:
+        """The law with these gains.
 
         Args:
-            scenario: `switching` or `waypoints`, for what the file leaves out.
+            scenario: `switching` or `waypoints`, for what the tables leave out.
             model: design model.
+            funnel: funnel that a law of one's own begins with; the paper's by default.
 
         Raises:
             ConfigError: names the file, the key, the rule and the value.
         """
+        if isinstance(self.content, LoadedGains):
+            return self.content
         try:
-            return decode_gains(tomllib.loads(self.text), scenario, model)
+            return decode_gains(self.content, scenario, model, funnel)
         except ConfigError as error:
             raise ConfigError(f"{self.origin}: {error}") from error
+
+    def self_contained(self) -> "GainSet":
+        """The same as tables that need no file, not even that of a law of one's own.
+
+        Raises:
+            ConfigError: the file of such a law cannot be read.
+        """
+        tables = self.content
+        if isinstance(tables, LoadedGains):
+            tables = encode_gains(*tables[1:])
+        return dataclasses.replace(self, content=with_law_inside(tables))
+
+    @classmethod
+    def of(cls, entry: Mapping[str, Any]) -> "GainSet":
+        """A set from what `dataclasses.asdict` made of a self-contained one.
+
+        What older versions made of it has the text of a gains file for its content.
+        """
+        content = entry["content"] if "content" in entry else entry["text"]
+        if isinstance(content, str):
+            content = tomllib.loads(content)
+        return cls(entry["label"], entry["origin"], content)
+
+
+def is_file(word: str) -> bool:
+    """Whether a word names a file: it ends in .toml or has a separator of a path."""
+    separators = tuple(s for s in (os.sep, os.altsep) if s)
+    return word.endswith(".toml") or any(s in word for s in separators)
+
+
+def read_files(words: Sequence[str]) -> dict[str, Tables]:
+    """The tables of all gains files among some words, by word; each is read once.
+
+    Raises:
+        ConfigError: a file cannot be read or holds no gains.
+    """
+    files = {word: read_gains(word) for word in dict.fromkeys(words) if is_file(word)}
+    for word, tables in files.items():
+        controller = tables.get("controller")
+        if not isinstance(controller, dict) or "type" not in controller:
+            raise ConfigError(
+                f"{word}: controller.type is missing: no gains file. `jaxglider tune` "
+                "writes one."
+            )
+    return files
 
 
 def resolve(
@@ -51,59 +113,60 @@ def resolve(
     controllers: Sequence[str],
     scenario: str,
     plant: str,
-    own: Gains | None = None,
-) -> tuple[Gains, ...]:
+    own: GainSet | None = None,
+    files: Mapping[str, Tables] | None = None,
+) -> tuple[GainSet, ...]:
     """The sets of gains that words and file names stand for, in their order.
 
     Args:
-        words: `paper`, `tuned`, `mission`, or the path of a gains file; what is named
-            twice counts once.
-        controllers: kinds that the words stand for.
+        words: `paper`, `tuned`, `mission`, or the path of a gains file, which ends in
+            .toml or has a separator; what is named twice counts once.
+        controllers: laws that the words stand for, by their names in the catalogue or
+            as FILE.py:ClassName.
         scenario: `switching` or `waypoints`; which gains `tuned` stands for.
         plant: name of the plant; likewise.
         own: what `mission` stands for, where there is one.
+        files: from `read_files`, where they have been read already.
 
     Raises:
-        ValueError: a file cannot be read or holds no gains, or none come with
-            jaxglider for this case.
+        ValueError: a word that is none of these, a file that cannot be read or holds
+            no gains, or no gains come with jaxglider for this case.
     """
-    found = []
     names = list(dict.fromkeys(words))
-    stems = [Path(name).stem for name in names]
+    tables = read_files(names) if files is None else files
+    stems = [Path(name).stem for name in tables]
+    kinds = list(dict.fromkeys(controllers))
+    sets: list[GainSet] = []
     for name in names:
         if name == PAPER:
-            found += [_paper(kind) for kind in dict.fromkeys(controllers)]
-            continue
-        if name == MISSION and own is not None:
-            found.append(own)
-            continue
-        path = Path(name)
-        if name == MISSION and not path.exists():
+            sets += [_beginning(kind) for kind in kinds]
+        elif name == TUNED:
+            sets += [_tuned(kind, scenario, plant) for kind in kinds]
+        elif name in tables:
+            # `tune` gives all its files one name: tell them apart by their folder.
+            stem = Path(name).stem
+            short = stem if stems.count(stem) == 1 else name
+            kind = short_name(str(tables[name]["controller"]["type"]))
+            sets.append(GainSet(f"{kind} ({short})", name, tables[name]))
+        elif name != MISSION:
+            raise ConfigError(
+                f"--gains must be {PAPER}, {TUNED}, {MISSION} or a file, whose path "
+                f"ends in .toml or has a {os.sep!r} in it; received {name!r}."
+            )
+        elif own is None:
             raise ConfigError(f"--gains {MISSION} goes with --config FILE.")
-        if name == TUNED and not path.exists():
-            found += [
-                Gains(
-                    f"{kind} ({TUNED})",
-                    TUNED,
-                    tuned_gains(scenario, plant, kind).read_text(encoding="utf-8"),
-                )
-                for kind in dict.fromkeys(controllers)
-            ]
-            continue
-        kind = _kind(path, read_toml(path))
-        # `tune` gives all its files one name: tell them apart by their folder.
-        short = path.stem if stems.count(path.stem) == 1 else name
-        found.append(Gains(f"{kind} ({short})", name, file_text(path)))
-    return told_apart(found)
+        else:
+            sets.append(own)
+    return told_apart(sets)
 
 
-def told_apart(sets: Sequence[Gains]) -> tuple[Gains, ...]:
+def told_apart(sets: Sequence[GainSet]) -> tuple[GainSet, ...]:
     """Sets of gains under labels that differ, each file once however it is spelt.
 
     Raises:
         ConfigError: two that are not the same cannot be told apart.
     """
-    files: dict[str, Gains] = {}
+    files: dict[str, GainSet] = {}
     for number, one in enumerate(sets):
         path = Path(one.origin)
         place = os.path.realpath(path) if path.is_file() else f"{number} {one.label}"
@@ -125,15 +188,16 @@ def told_apart(sets: Sequence[Gains]) -> tuple[Gains, ...]:
     return tuple(apart)
 
 
-def _paper(kind: str) -> Gains:
-    return Gains(kind, PAPER, f'[controller]\ntype = "{kind}"\n')
+def _beginning(kind: str) -> GainSet:
+    """The gains that a law begins with, the paper's where it has any."""
+    return GainSet(short_name(kind), PAPER, {"controller": {"type": kind}})
 
 
-def _kind(path: Path, data: dict[str, Any]) -> str:
-    try:
-        return str(data["controller"]["type"])
-    except (KeyError, TypeError):
+def _tuned(kind: str, scenario: str, plant: str) -> GainSet:
+    if is_own(kind):
         raise ConfigError(
-            f"{path}: controller.type is missing: no gains file. `jaxglider tune` "
-            "writes one."
-        ) from None
+            f"--gains {TUNED}: no gains come with jaxglider for {kind}; name the file "
+            f"that `jaxglider tune` wrote, or {PAPER} for those it begins with."
+        )
+    file = tuned_gains(scenario, plant, kind)
+    return GainSet(f"{kind} ({TUNED})", TUNED, read_toml(file))

@@ -1,12 +1,12 @@
 """Weights, aggregate and cost of a user's own, from their files."""
 
 import dataclasses
-import types
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from jaxglider.core.toml import ConfigError, TomlTable, read_toml
+from jaxglider.files.user_law import load_named
 from tuning.problem.aggregates import AbstractAggregate, make_aggregate
 from tuning.problem.objective import CHANNELS, TERMS, Cost, Weights
 
@@ -21,22 +21,11 @@ def load_cost(where: str) -> Cost:
     Raises:
         ValueError: there is no such file or function.
     """
-    path, _, name = where.rpartition(":")
-    if not path or not Path(path).is_file():
-        raise ValueError(
-            f"--cost must be FILE.py:FUNCTION with an existing file; "
-            f"received {where!r}."
-        )
-    module = types.ModuleType("_users_cost")
-    module.__file__ = path
-    try:
-        # Not by an import: that may take an old byte code for a file just changed.
-        exec(compile(Path(path).read_bytes(), path, "exec"), vars(module))
-    except Exception as error:
-        raise ValueError(f"--cost: {path} cannot be run: {error!r}.") from error
-    cost = getattr(module, name, None)
+    cost = load_named(where, "--cost", "FUNCTION")
     if not callable(cost):
-        raise ValueError(f"--cost: {path} has no function {name!r}.")
+        raise ConfigError(
+            f"--cost must name a function; {where} is {type(cost).__name__}."
+        )
     return cost
 
 

@@ -25,7 +25,7 @@ from jaxglider.uncertainty.sampling import (
     SobolSequence,
 )
 from tuning.problem.case import FlightCase
-from tuning.problem.gain_sets import Gains
+from tuning.problem.gain_sets import GainSet
 from tuning.problem.members import SWEEP
 
 
@@ -60,10 +60,15 @@ class CampaignSettings:
     members: int
     design: str
     uncertainty: float | str
-    gains: tuple[Gains, ...]
+    gains: tuple[GainSet, ...]
     until_ci: float | None = None
     mission: dict[str, Any] | None = None
     digest: str = ""
+
+    def __post_init__(self) -> None:
+        # What is kept beside the rows needs no other file.
+        gains = tuple(gains.self_contained() for gains in self.gains)
+        object.__setattr__(self, "gains", gains)
 
     def case(self) -> FlightCase:
         """What is flown."""
@@ -73,12 +78,7 @@ class CampaignSettings:
 
     def fingerprint(self) -> str:
         """A digest of everything that the rows depend on."""
-        table = dataclasses.asdict(self)
-        if not self.digest:
-            # As it was before campaigns could be made from Python.
-            del table["digest"]
-        text = json.dumps(table, sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()
+        return fingerprint_of(dataclasses.asdict(self))
 
     def differences(self, other: "CampaignSettings") -> list[str]:
         """Names of the settings that differ in what they say.
@@ -102,8 +102,17 @@ class CampaignSettings:
     @classmethod
     def of(cls, told: dict[str, Any]) -> "CampaignSettings":
         """Settings from what `dataclasses.asdict` made of them."""
-        gains = tuple(Gains(**entry) for entry in told["gains"])
+        gains = tuple(GainSet.of(entry) for entry in told["gains"])
         return cls(**{**told, "gains": gains})
+
+
+def fingerprint_of(table: dict[str, Any]) -> str:
+    """A digest of settings as `campaign.json` holds them, of whatever version."""
+    if not table.get("digest"):
+        # As it was before campaigns could be made from Python.
+        table = {key: value for key, value in table.items() if key != "digest"}
+    text = json.dumps(table, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _parsed(content: Any) -> Any:

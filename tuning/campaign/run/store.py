@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from jaxglider.files.writing import write_json
-from tuning.campaign.run.campaign import Campaign, CampaignSettings
+from tuning.campaign.run.campaign import Campaign, CampaignSettings, fingerprint_of
 from tuning.campaign.run.rows import COLUMNS, checksums, row_type
 
 FORMAT = 1
@@ -102,7 +102,7 @@ def read_manifest(folder: Path) -> Manifest:
             told["last"],
             told["about"],
         )
-        if manifest.settings.fingerprint() != told["fingerprint"]:
+        if fingerprint_of(told["settings"]) != told["fingerprint"]:
             raise ValueError("it has been changed by hand")
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path} cannot be used: {error}.") from error

@@ -3,13 +3,12 @@
 import argparse
 import json
 import sys
-from pathlib import Path
 from typing import Any
 
 import tomli_w
 
 from jaxglider import paper
-from jaxglider.core.toml import ConfigError, read_toml
+from jaxglider.core.toml import ConfigError
 from jaxglider.export import export_c
 from jaxglider.export.c.block import ExportError
 from jaxglider.export.cost import Cost
@@ -23,6 +22,7 @@ from jaxglider.signals import Command
 from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.cli.session.from_options import refuse_beside_mission
 from tuning.problem.case import FlightCase
+from tuning.problem.gain_sets import read_files, resolve
 from tuning.reporting.console import Progress, print_result
 from tuning.reporting.exit_codes import OK
 
@@ -72,8 +72,9 @@ def _loop(options: argparse.Namespace) -> tuple[ClosedLoop, str, dict[str, Any]]
         about = _about(scenario=mission.name, plant=mission.plant)
         title = f"{mission.controller} for {mission.name} on {mission.plant}"
         return mission.loop, title, about
-    path = Path(options.gains)
-    origin = read_toml(path).get("provenance", {}) if path.exists() else {}
+    path = options.gains
+    files = read_files([path])
+    origin = files[path].get("provenance", {}) if path in files else {}
     mission_file = origin.get("mission") if isinstance(origin, dict) else None
     if mission_file and not (options.scenario and options.plant):
         raise ConfigError(
@@ -84,7 +85,7 @@ def _loop(options: argparse.Namespace) -> tuple[ClosedLoop, str, dict[str, Any]]
     scenario = options.scenario or _known(origin, "scenario", paper.SCENARIOS)
     plant = options.plant or _known(origin, "plant", tuple(paper.PLANTS))
     case = FlightCase.of_paper(scenario, plant, options.dt, None)
-    (gains,) = case.resolve([options.gains], [options.controller])
+    (gains,) = resolve([path], [options.controller], scenario, plant, files=files)
     about = _about(gains=gains.origin, scenario=scenario, plant=plant)
     title = f"{gains.label} for {scenario} on {plant}"
     return case.loop(gains)[1], title, about

@@ -10,6 +10,8 @@ from jaxglider.onboard.pipe import ChildProcess, PipeController
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.start import start_warnings
 from tuning.evaluation.runs import PlannedRun, report_runs, run_all
+from tuning.problem.case import FlightCase
+from tuning.problem.gain_sets import PAPER
 from tuning.reporting.console import note
 from tuning.reporting.exit_codes import RUN_FAILED
 
@@ -17,14 +19,17 @@ from tuning.reporting.exit_codes import RUN_FAILED
 def simulate_mission(options: argparse.Namespace) -> int:
     """`jaxglider simulate`: one mission from a file."""
     mission = load_mission(options.config)
-    for warning in start_warnings(mission.loop):
-        note(f"warning: {warning}")
     seed = mission.seed if options.seed is None else options.seed
     if options.controller_binary is not None:
         return _simulate_outside(options, mission, seed)
-    entry = PlannedRun(
-        mission.name, mission.plant, mission.controller, mission.loop, published=False
-    )
+    name, loop = mission.controller, mission.loop
+    if options.controller is not None:
+        case = FlightCase.of_mission(mission)
+        (gains,) = case.resolve([PAPER], [options.controller])
+        name, loop = gains.label, case.loop(gains)[1]
+    for warning in start_warnings(loop):
+        note(f"warning: {warning}")
+    entry = PlannedRun(mission.name, mission.plant, name, loop, published=False)
     done, interrupted = run_all([entry], seed=seed)
     return report_runs(options, done, interrupted, seed)
 
@@ -32,10 +37,12 @@ def simulate_mission(options: argparse.Namespace) -> int:
 def _simulate_outside(options: argparse.Namespace, mission: Mission, seed: int) -> int:
     """The same with a program in the place of controller and observer."""
     loop = mission.loop
+    for warning in start_warnings(loop):
+        note(f"warning: {warning}")
     dt = float(loop.scenario.clock.dt)
     peer = ChildProcess([options.controller_binary], dt, options.controller_timeout)
     try:
-        outside = PipeController(getattr(loop.controller, "funnel", None), peer)
+        outside = PipeController(loop.controller.funnel, peer)
         loop = ClosedLoop(loop.scenario, outside, NoObserver())
         name = Path(options.controller_binary).name
         entry = PlannedRun(mission.name, mission.plant, name, loop, published=False)

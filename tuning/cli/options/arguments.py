@@ -10,6 +10,7 @@ SCENARIOS = ("switching", "waypoints")
 PLANTS = ("printed", "rigid-body", "seawing")
 PAPER_CONTROLLERS = ("smc", "ppc", "fxtppc")
 CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll")
+OWN_LAW = "FILE.py:ClassName for a law of your own"
 
 
 def positive(text: str) -> float:
@@ -50,6 +51,20 @@ def whole(text: str) -> int:
 def seed(text: str) -> int:
     """A seed."""
     return checked(text, int, lambda n: 0 <= n < 2**32, "a whole number in [0, 2^32)")
+
+
+def law(text: str) -> str:
+    """A control law: its name in the catalogue, or FILE.py:ClassName.
+
+    Raises:
+        argparse.ArgumentTypeError: it is neither.
+    """
+    path, _, name = text.rpartition(":")
+    if text in CONTROLLERS or (path.endswith(".py") and name.isidentifier()):
+        return text
+    raise argparse.ArgumentTypeError(
+        f"must be one of {', '.join(CONTROLLERS)}, or {OWN_LAW}; received {text!r}."
+    )
 
 
 def uncertainty(text: str) -> float | Path:

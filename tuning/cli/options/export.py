@@ -6,10 +6,12 @@ from typing import Any
 
 from tuning.cli.options.arguments import (
     CONTROLLERS,
+    OWN_LAW,
     PLANTS,
     SCENARIOS,
     add_dt,
     checked,
+    law,
     positive,
 )
 
@@ -31,9 +33,11 @@ def add_export(commands: Any) -> None:
     )
     parser.add_argument(
         "--controller",
-        choices=CONTROLLERS,
+        type=law,
         default="fxtppc",
-        help="which one `paper` or `tuned` stands for; default: fxtppc",
+        metavar="NAME",
+        help=f"what `paper` or `tuned` stands for: {', '.join(CONTROLLERS)}, or "
+        f"{OWN_LAW}, which `paper` takes as it begins; default: fxtppc",
     )
     parser.add_argument(
         "--scenario",
@@ -75,9 +79,14 @@ def add_export(commands: Any) -> None:
     )
 
 
-def add_controller_binary(parser: argparse.ArgumentParser) -> None:
-    """A program in the place of controller and observer."""
-    parser.add_argument(
+def add_controller_binary(parser: argparse.ArgumentParser, steered: Any) -> None:
+    """A program in the place of controller and observer.
+
+    Args:
+        parser: parser of the command.
+        steered: group of the options that say who steers.
+    """
+    steered.add_argument(
         "--controller-binary",
         metavar="PROGRAM",
         help="ask this program for commands, in the place of controller and observer "

@@ -7,9 +7,11 @@ from typing import Any
 from tuning.campaign.analysis.requirements import requirement
 from tuning.cli.options.arguments import (
     CONTROLLERS,
+    OWN_LAW,
     add_case,
     checked,
     count,
+    law,
     seed,
     share,
     uncertainty,
@@ -85,11 +87,11 @@ def _add_case(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--controller",
         nargs="+",
-        choices=CONTROLLERS,
+        type=law,
         default=["fxtppc"],
         metavar="NAME",
-        help=f"what the words stand for, any of {', '.join(CONTROLLERS)}; default: "
-        "fxtppc",
+        help=f"what the words stand for, any of {', '.join(CONTROLLERS)}, or {OWN_LAW};"
+        " default: fxtppc",
     )
     add_case(parser)
 

@@ -6,12 +6,14 @@ from typing import Any
 
 from tuning.cli.options.arguments import (
     CONTROLLERS,
+    OWN_LAW,
     add_case,
     add_common,
     add_output,
     at_least_four,
     below_one,
     count,
+    law,
     not_negative,
     positive,
     seed,
@@ -127,13 +129,13 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     add_case(parser)
     parser.add_argument(
         "--controller",
-        choices=CONTROLLERS,
-        help="default: fxtppc-roll, on the printed plant fxtppc, or what --gains or "
-        "--config has",
+        type=law,
+        metavar="NAME",
+        help=f"{', '.join(CONTROLLERS)}, or {OWN_LAW}; default: fxtppc-roll, on the "
+        "printed plant fxtppc, or what --gains or --config has",
     )
     parser.add_argument(
         "--gains",
-        type=Path,
         metavar="FILE",
         help="start here, not at the paper's or the mission's gains; `tuned`: at those "
         "that come with jaxglider for this case",

@@ -1,0 +1,59 @@
+"""The catalogue: every control law, observer and performance function by its name.
+
+A new law is a file of its own and a line here. Whatever lists laws reads it: files,
+command line, tables, figures, and the tests of the contract that every law keeps.
+"""
+
+import dataclasses
+
+from jaxglider.control.controller import AbstractController
+from jaxglider.control.fxtppc import FxTPPC
+from jaxglider.control.fxtppc_roll import RollAwareFxTPPC
+from jaxglider.control.observer import AbstractObserver, FixedTimeObserver, NoObserver
+from jaxglider.control.performance import (
+    AbstractPerformanceFunction,
+    ExponentialFunction,
+    HalfSechFunction,
+    SechFunction,
+)
+from jaxglider.control.ppc import PPC
+from jaxglider.control.smc import SMC
+
+
+@dataclasses.dataclass(frozen=True)
+class LawEntry:
+    """A control law as it is listed.
+
+    Attributes:
+        name: word for it in files and on the command line.
+        cls: class of the law.
+        label: name for tables and figures.
+        observer: name of the observer it flies with where nothing else is asked for.
+    """
+
+    name: str
+    cls: type[AbstractController]
+    label: str
+    observer: str = "fixed-time"
+
+
+LAWS = (
+    LawEntry("smc", SMC, "SMC", observer="none"),
+    LawEntry("ppc", PPC, "PPC"),
+    LawEntry("fxtppc", FxTPPC, "FxTPPC"),
+    LawEntry("fxtppc-roll", RollAwareFxTPPC, "FxTPPC-roll"),
+)
+"""All laws, the paper's three first."""
+
+BY_NAME: dict[str, LawEntry] = {entry.name: entry for entry in LAWS}
+
+OBSERVERS: dict[str, type[AbstractObserver]] = {
+    "none": NoObserver,
+    "fixed-time": FixedTimeObserver,
+}
+
+PERFORMANCE_FUNCTIONS: dict[str, type[AbstractPerformanceFunction]] = {
+    "sech": SechFunction,
+    "exponential": ExponentialFunction,
+    "ppc": HalfSechFunction,
+}
