@@ -217,7 +217,7 @@ def test_a_law_that_fails_leaves_the_command_where_it_is(flight):
     assert all("state_reset" in s for s in said[20:30])
     np.testing.assert_array_equal(commands[20:30], [commands[19]] * 10)
     assert np.isfinite(commands).all()
-    assert np.isfinite(states.controller.pitch).all()
+    assert np.isfinite(states.controller.integral.pitch).all()
 
 
 def test_an_unsound_reference_is_replaced_by_the_last_one(flight):

@@ -1,5 +1,6 @@
 """The search space: its sets hold whatever the free numbers are."""
 
+import dataclasses
 import math
 import re
 from operator import attrgetter
@@ -14,12 +15,15 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from jaxglider import map_members, paper
+from jaxglider.control import AbstractController
 from jaxglider.control.performance import ExponentialFunction
+from jaxglider.core.containers import as_float
+from jaxglider.core.sets import K1_BELOW_K2, OBSERVER_SET, Coupled, Interval
 from jaxglider.guidance import LineOfSight
-from jaxglider.signals import BodyAxes
+from jaxglider.signals import BodyAxes, Channels
 from tuning.space.bijections import Above, Below, Positive, bend, unbend
 from tuning.space.coordinates import tunable_paths
-from tuning.space.space import K1_BELOW_K2, OBSERVER_SET, Space
+from tuning.space.space import Space
 
 CHANNELS = ("depth", "pitch", "heading")
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -666,3 +670,117 @@ def test_bijections_invert_and_rise(bijection, edge):
     gain = bijection.place(bijection.stretch(z), edge)
     assert np.all(np.diff(gain) > 0.0)
     np.testing.assert_allclose(bijection.inverse(np.asarray(gain), edge), z, atol=1e-7)
+
+
+class Numbers(AbstractController):
+    """A law of one's own with a field of each kind; it is never stepped."""
+
+    model: None = None
+    funnel: None = None
+    plain: float = eqx.field(converter=as_float, default=3.0)
+    trim: float = eqx.field(
+        converter=as_float, default=-0.02, metadata={"set": Interval(-0.05, 0.04)}
+    )
+    share: float = eqx.field(
+        converter=as_float,
+        default=1.0,
+        metadata={"set": Interval(0.0, 1.0, closed_high=True)},
+    )
+    large: Channels = eqx.field(
+        default_factory=lambda: Channels(2.0, 3.0, 4.0),
+        metadata={"set": Interval(1.5)},
+    )
+    slow: Channels = eqx.field(
+        default_factory=lambda: Channels(1e-3, 1e-3, 1e-3),
+        metadata={"set": Coupled(K1_BELOW_K2, "slow", "fast")},
+    )
+    fast: Channels = eqx.field(
+        default_factory=lambda: Channels(0.1, 0.1, 1e-3),
+        metadata={"set": Coupled(K1_BELOW_K2, "slow", "fast")},
+    )
+    kept: float = eqx.field(converter=as_float, default=7.0, metadata={"tuned": False})
+
+    def init(self):
+        return None
+
+    def step(self, state, measurement, reference, bounds, dt):
+        raise NotImplementedError
+
+
+class HalfOpen(AbstractController):
+    """A law with a number that ends at one side only, below zero."""
+
+    model: None = None
+    funnel: None = None
+    bias: float = eqx.field(
+        converter=as_float, default=0.0, metadata={"set": Interval(-1.0)}
+    )
+
+    def init(self):
+        return None
+
+    def step(self, state, measurement, reference, bounds, dt):
+        raise NotImplementedError
+
+
+def steered_by(loop, controller):
+    return dataclasses.replace(loop, controller=controller)
+
+
+def test_a_law_of_ones_own_has_its_space_from_its_fields(loop):
+    """Sets, couplings and what is left out: from the metadata alone."""
+    own = steered_by(loop, Numbers())
+    space = Space.of(own, ["controller"])
+    assert len(space.names) == 3 + 3 * 3
+    assert not any("kept" in name for name in space.names)
+    assert any("fast.heading" in note for note in space.notes)
+    for seed in range(10):
+        free = 30.0 * np.random.default_rng(seed).normal(size=len(space.names))
+        law = space.write(own, jnp.asarray(free)).controller
+        assert float(law.plain) > 0.0
+        assert -0.05 < float(law.trim) < 0.04
+        assert 0.0 < float(law.share) < 1.0
+        assert float(law.kept) == 7.0
+        for channel in CHANNELS:
+            assert getattr(law.large, channel) > 1.5
+            k1, k2 = getattr(law.slow, channel), getattr(law.fast, channel)
+            assert 0.0 < k1 < 0.75 * k2**2
+
+
+@pytest.mark.parametrize("trim", [-0.02, 0.0, 0.03])
+def test_a_number_of_either_sign_comes_back_from_its_free_number(loop, trim):
+    own = steered_by(loop, Numbers(trim=trim))
+    space = Space.of(own, ["controller.trim"])
+    free = space.read(own)
+    # The logit of the share of the interval, but for the margin of 1e-5.
+    share = (trim + 0.05) / 0.09
+    assert float(free[0]) == pytest.approx(math.log(share / (1.0 - share)), abs=1e-4)
+    again = float(space.write(own, free).controller.trim)
+    assert again == pytest.approx(trim, abs=1e-15)
+
+
+def test_a_start_at_an_end_of_its_interval_is_moved_inside(loop):
+    class Closed(AbstractController):
+        model: None = None
+        funnel: None = None
+        trim: float = eqx.field(
+            converter=as_float,
+            default=-0.05,
+            metadata={"set": Interval(-0.05, 0.05, closed_low=True)},
+        )
+        init, step = Numbers.init, Numbers.step
+
+    space = Space.of(steered_by(loop, Closed()), ["controller.trim"])
+    assert "starts from -0.049 instead of -0.05" in space.notes[0]
+
+
+def test_a_number_outside_the_set_of_its_field_is_refused_where_it_is_built():
+    with pytest.raises(ValueError, match=r"Numbers.trim must be in \(-0.05, 0.04\)"):
+        Numbers(trim=0.05)
+    with pytest.raises(ValueError, match=r"Numbers.large.pitch must be above 1.5"):
+        Numbers(large=Channels(2.0, 1.0, 2.0))
+
+
+def test_a_set_that_no_search_can_stay_in_is_refused(loop):
+    with pytest.raises(ValueError, match="must have two ends or start from zero"):
+        Space.of(steered_by(loop, HalfOpen()), ["controller.bias"])

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 
 from jaxglider.control.funnel import Funnel, Limits
 from jaxglider.control.performance import Bound, unbounded
-from jaxglider.core.containers import Container, Scalar, check_interval
+from jaxglider.core.containers import Container, Scalar
 from jaxglider.core.numerics import barrier
 from jaxglider.core.rotations import wrap
 from jaxglider.signals import (
@@ -136,17 +136,6 @@ def allocate(
     push = map_fields(lambda d, f: d - f, demand, model.drift(measurement))
     push, gain = barrier((push, model.input_gain(measurement)))
     return gain.solve(push, damping)
-
-
-def check_positive(owner: str, gains: dict[str, Any]) -> None:
-    """Refuse gains that are not positive, channel by channel.
-
-    Raises:
-        ValueError: names the gain.
-    """
-    for name, container in gains.items():
-        for channel, value in vars(container).items():
-            check_interval(owner, f"{name}.{channel}", value, low=0.0)
 
 
 def default_damping() -> Command[Scalar]:

@@ -20,15 +20,15 @@ from jaxglider.control.controller import (
     AbstractController,
     ControlRecord,
     allocate,
-    check_positive,
     default_damping,
     tracking_error,
 )
 from jaxglider.control.funnel import Funnel
 from jaxglider.control.performance import Bound
 from jaxglider.control.transform import TransformedError
-from jaxglider.core.containers import Container, Scalar, as_float, check_interval
+from jaxglider.core.containers import Container, Scalar, as_float
 from jaxglider.core.numerics import modulus_powers, signed_powers
+from jaxglider.core.sets import ABOVE_ONE, K1_BELOW_K2, POSITIVE, UNIT, Coupled
 from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
 from jaxglider.vehicle.design_model import DesignModel
 
@@ -59,6 +59,9 @@ EXPONENTS: dict[str, Callable[[Scalar], tuple[Pair, Pair]]] = {
 }
 
 
+_K1_AND_K2 = Coupled(K1_BELOW_K2, "k1", "k2")
+
+
 class ChannelGains(Container):
     """Gains of the fixed-time law on one channel.
 
@@ -72,20 +75,24 @@ class ChannelGains(Container):
         ValueError: a gain is outside its set.
     """
 
-    k1: Scalar = eqx.field(converter=as_float)
-    k2: Scalar = eqx.field(converter=as_float)
-    rho: Scalar = eqx.field(converter=as_float, default=0.8)
-    mu: Scalar = eqx.field(converter=as_float, default=2.0)
-
-    def __check_init__(self) -> None:
-        check_interval("ChannelGains", "k1", self.k1, 0.0)
-        check_interval("ChannelGains", "k2", self.k2, 0.0)
-        check_interval("ChannelGains", "rho", self.rho, 0.0, 1.0)
-        check_interval("ChannelGains", "mu", self.mu, 1.0)
+    k1: Scalar = eqx.field(converter=as_float, metadata={"set": _K1_AND_K2})
+    k2: Scalar = eqx.field(converter=as_float, metadata={"set": _K1_AND_K2})
+    rho: Scalar = eqx.field(converter=as_float, default=0.8, metadata={"set": UNIT})
+    mu: Scalar = eqx.field(converter=as_float, default=2.0, metadata={"set": ABOVE_ONE})
 
     def settling_bound(self) -> Scalar:
         """Bound on the settling time of s [s]: 2μ/min(k₁, k₂)."""
         return 2.0 * self.mu / jnp.minimum(self.k1, self.k2)
+
+
+class FxTPPCState(eqx.Module):
+    """What the law remembers from tick to tick.
+
+    Attributes:
+        integral: ∫ A dt of each channel.
+    """
+
+    integral: Channels[Scalar]
 
 
 class FxTPPC(AbstractController):
@@ -106,33 +113,33 @@ class FxTPPC(AbstractController):
     model: DesignModel
     funnel: Funnel
     gains: Channels[ChannelGains]
-    damping: Command[Scalar] = eqx.field(default_factory=default_damping)
-    smoothing: Scalar = eqx.field(converter=as_float, default=1e-3)
+    damping: Command[Scalar] = eqx.field(
+        default_factory=default_damping, metadata={"set": POSITIVE}
+    )
+    smoothing: Scalar = eqx.field(
+        converter=as_float, default=1e-3, metadata={"set": POSITIVE, "tuned": False}
+    )
     exponents: Callable[[Scalar], tuple[Pair, Pair]] = eqx.field(
         static=True, default=paper_exponents
     )
 
-    def __check_init__(self) -> None:
-        check_positive("FxTPPC", {"damping": self.damping})
-        check_interval("FxTPPC", "smoothing", self.smoothing, 0.0)
-
-    def init(self) -> Channels[Scalar]:
+    def init(self) -> FxTPPCState:
         """The integral of the sliding surface, zero on each channel."""
         zero = jnp.zeros_like(self.smoothing)
-        return Channels(zero, zero, zero)
+        return FxTPPCState(Channels(zero, zero, zero))
 
     def step(
         self,
-        state: Channels[Scalar],
+        state: FxTPPCState,
         measurement: Measurement,
         reference: Reference,
         bounds: Channels[Bound],
         dt: Scalar,
-    ) -> tuple[Command[Scalar], Channels[Scalar], ControlRecord]:
+    ) -> tuple[Command[Scalar], FxTPPCState, ControlRecord]:
         """One tick; the integral is updated after the command is computed."""
         error, rate = tracking_error(measurement, reference)
         transformed = self.funnel.transform(error, rate, bounds)
-        law = map_fields(self._channel, self.gains, transformed, state)
+        law = map_fields(self._channel, self.gains, transformed, state.integral)
         demand = map_fields(
             lambda acceleration, t, c: (
                 acceleration - (t.offset + c.sliding + c.reaching) * t.gain_inverse
@@ -142,14 +149,11 @@ class FxTPPC(AbstractController):
             law,
         )
         wanted = allocate(self.model, measurement, demand, self.damping)
-        following = map_fields(
-            lambda integral, c: integral + dt * c.sliding, state, law
+        integral = map_fields(
+            lambda integral, c: integral + dt * c.sliding, state.integral, law
         )
-        return (
-            wanted,
-            following,
-            ControlRecord(error, map_fields(lambda c: c.surface, law)),
-        )
+        record = ControlRecord(error, map_fields(lambda c: c.surface, law))
+        return wanted, FxTPPCState(integral), record
 
     def _channel(
         self, gains: ChannelGains, transformed: TransformedError, integral: Scalar

@@ -34,11 +34,12 @@ from jaxglider.control.controller import (
     tracking_error,
 )
 from jaxglider.control.funnel import Funnel
-from jaxglider.control.fxtppc import FxTPPC
+from jaxglider.control.fxtppc import FxTPPC, FxTPPCState
 from jaxglider.control.performance import Bound
-from jaxglider.core.containers import Scalar, as_float, check_interval
+from jaxglider.core.containers import Scalar, as_float
 from jaxglider.core.numerics import saturate
 from jaxglider.core.rotations import wrap
+from jaxglider.core.sets import NOT_NEGATIVE, Interval
 from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
 from jaxglider.vehicle.design_model import DesignModel
 
@@ -71,33 +72,29 @@ class RollAwareFxTPPC(AbstractController):
     """
 
     law: FxTPPC
-    roll_share: Scalar = eqx.field(converter=as_float, default=0.1)
+    roll_share: Scalar = eqx.field(
+        converter=as_float, default=0.1, metadata={"set": NOT_NEGATIVE}
+    )
     roll_damping: Scalar = eqx.field(
-        converter=as_float, default=1.0, metadata={"unit": "s"}
+        converter=as_float, default=1.0, metadata={"unit": "s", "set": NOT_NEGATIVE}
     )
     largest_angle: Scalar = eqx.field(
-        converter=as_float, default=1.4, metadata={"unit": "rad"}
+        converter=as_float,
+        default=1.4,
+        metadata={"unit": "rad", "set": Interval(0.0, math.pi / 2, closed_high=True)},
     )
-    hedging: Scalar = eqx.field(converter=as_float, default=0.7)
+    hedging: Scalar = eqx.field(
+        converter=as_float,
+        default=0.7,
+        metadata={"set": Interval(0.0, 1.0, closed_low=True, closed_high=True)},
+    )
 
     def __check_init__(self) -> None:
-        owner = "RollAwareFxTPPC"
         if not isinstance(self.law, FxTPPC):
             kind = type(self.law).__name__
-            raise ValueError(f"{owner}.law must be an FxTPPC; received a {kind}.")
-        for name in ("roll_share", "roll_damping"):
-            check_interval(owner, name, getattr(self, name), 0.0, closed_low=True)
-        check_interval(
-            owner,
-            "largest_angle",
-            self.largest_angle,
-            0.0,
-            math.pi / 2,
-            closed_high=True,
-        )
-        check_interval(
-            owner, "hedging", self.hedging, 0.0, 1.0, closed_low=True, closed_high=True
-        )
+            raise ValueError(
+                f"RollAwareFxTPPC.law must be an FxTPPC; received a {kind}."
+            )
 
     @property
     def model(self) -> DesignModel:
@@ -112,7 +109,7 @@ class RollAwareFxTPPC(AbstractController):
     def init(self) -> RollAwareState:
         """The integral of the sliding surface, and no command yet."""
         zero = jnp.zeros_like(self.hedging)
-        return RollAwareState(self.law.init(), Command(zero, zero, zero))
+        return RollAwareState(self.law.init().integral, Command(zero, zero, zero))
 
     def step(
         self,
@@ -133,8 +130,8 @@ class RollAwareFxTPPC(AbstractController):
             gains,
             hedge,
         )
-        wanted, integral, record = self.law.step(
-            integral, measurement, reference, bounds, dt
+        wanted, following, record = self.law.step(
+            FxTPPCState(integral), measurement, reference, bounds, dt
         )
         glider = measurement.state
         angle = wanted.mass_angle + self.roll_share * wrap(glider.roll)
@@ -144,4 +141,4 @@ class RollAwareFxTPPC(AbstractController):
             asked.mass_position,
             saturate(angle, self.largest_angle) - self.roll_damping * glider.roll_rate,
         )
-        return steered, RollAwareState(integral, asked), record
+        return steered, RollAwareState(following.integral, asked), record

@@ -25,8 +25,9 @@ import jax.numpy as jnp
 from jax import lax
 
 from jaxglider.core.compiler import not_inlined
-from jaxglider.core.containers import Container, Scalar, as_float, check_interval
+from jaxglider.core.containers import Container, Scalar, as_float
 from jaxglider.core.numerics import barrier, implicit_root
+from jaxglider.core.sets import FROM_ONE, OBSERVER_SET, POSITIVE, Coupled
 from jaxglider.signals import (
     BodyAxes,
     Command,
@@ -104,6 +105,9 @@ class ObserverState(eqx.Module):
     disturbance: BodyAxes[Scalar]
 
 
+_GAINS = Coupled(OBSERVER_SET, "proportional", "integral")
+
+
 class FixedTimeObserver(AbstractObserver):
     """The fixed-time sliding-mode disturbance observer, stepped implicitly.
 
@@ -121,20 +125,13 @@ class FixedTimeObserver(AbstractObserver):
     """
 
     model: DesignModel
-    proportional: BodyAxes[Scalar]
-    integral: BodyAxes[Scalar]
-    stretch: BodyAxes[Scalar]
-    smoothing: Scalar = eqx.field(converter=as_float, default=1e-3)
-    newton_steps: int = eqx.field(static=True, default=4)
-
-    def __check_init__(self) -> None:
-        for name in ("proportional", "integral", "stretch"):
-            for axis, value in vars(getattr(self, name)).items():
-                check_interval("FixedTimeObserver", f"{name}.{axis}", value, low=0.0)
-        check_interval("FixedTimeObserver", "smoothing", self.smoothing, low=0.0)
-        check_interval(
-            "FixedTimeObserver", "newton_steps", self.newton_steps, 1.0, closed_low=True
-        )
+    proportional: BodyAxes[Scalar] = eqx.field(metadata={"set": _GAINS})
+    integral: BodyAxes[Scalar] = eqx.field(metadata={"set": _GAINS})
+    stretch: BodyAxes[Scalar] = eqx.field(metadata={"set": POSITIVE})
+    smoothing: Scalar = eqx.field(
+        converter=as_float, default=1e-3, metadata={"set": POSITIVE, "tuned": False}
+    )
+    newton_steps: int = eqx.field(static=True, default=4, metadata={"set": FROM_ONE})
 
     def init(self, state: GliderState) -> ObserverState:
         """ϖ = ν and d̂ = 0."""

@@ -23,6 +23,7 @@ from jaxglider.core.containers import (
     check_interval,
     concrete,
 )
+from jaxglider.core.sets import FROM_ONE, POSITIVE, SECH_ABOVE_BOUND, Coupled
 
 _EXPONENT_LIMIT = 40.0
 """Past this exponent the falling part, e^(−40) ≈ 4e-18, is below double rounding."""
@@ -44,7 +45,10 @@ class Bound(eqx.Module):
     settled: Any
 
 
-def _number(**metadata: str) -> Any:
+_INITIAL_AND_BOUND = Coupled(SECH_ABOVE_BOUND, "initial", "final_bound")
+
+
+def _number(**metadata: Any) -> Any:
     return eqx.field(converter=as_float, metadata=metadata)
 
 
@@ -68,14 +72,14 @@ class SechFunction(AbstractPerformanceFunction):
         ValueError: a number is not positive, or sech(P₀) > P_∞ does not hold.
     """
 
-    initial: Scalar = _number()
-    final_bound: Scalar = _number(unit="channel")
-    settling_time: Scalar = _number(unit="s")
+    initial: Scalar = _number(set=_INITIAL_AND_BOUND)
+    final_bound: Scalar = _number(unit="channel", set=_INITIAL_AND_BOUND)
+    settling_time: Scalar = _number(unit="s", set=POSITIVE)
 
     def __check_init__(self) -> None:
-        _check_positive(self)
         initial = concrete(self.initial)
-        if initial is not None:
+        # What is not finite is refused by name, for all fields alike.
+        if initial is not None and np.all(np.isfinite(initial)):
             check_interval(
                 "SechFunction",
                 "final_bound",
@@ -107,12 +111,9 @@ class HalfSechFunction(AbstractPerformanceFunction):
         ValueError: a number is not positive.
     """
 
-    initial: Scalar = _number()
-    final_bound: Scalar = _number(unit="channel")
-    settling_time: Scalar = _number(unit="s")
-
-    def __check_init__(self) -> None:
-        _check_positive(self)
+    initial: Scalar = _number(set=POSITIVE)
+    final_bound: Scalar = _number(unit="channel", set=POSITIVE)
+    settling_time: Scalar = _number(unit="s", set=POSITIVE)
 
     def __call__(self, clock: Scalar) -> Bound:
         """P, P' and P'' at t* [s]."""
@@ -134,15 +135,9 @@ class ExponentialFunction(AbstractPerformanceFunction):
         ValueError: P₀ below 1, or another number not positive.
     """
 
-    initial: Scalar = _number()
-    final_bound: Scalar = _number(unit="channel")
-    settling_time: Scalar = _number(unit="s")
-
-    def __check_init__(self) -> None:
-        _check_positive(self)
-        check_interval(
-            "ExponentialFunction", "initial", self.initial, 1.0, closed_low=True
-        )
+    initial: Scalar = _number(set=FROM_ONE)
+    final_bound: Scalar = _number(unit="channel", set=POSITIVE)
+    settling_time: Scalar = _number(unit="s", set=POSITIVE)
 
     def __call__(self, clock: Scalar) -> Bound:
         """P, P' and P'' at t* [s]."""
@@ -203,11 +198,6 @@ def _switched(
         live(curve),
         clock >= function.settling_time,
     )
-
-
-def _check_positive(function: Any) -> None:
-    for name in ("initial", "final_bound", "settling_time"):
-        check_interval(type(function).__name__, name, getattr(function, name), low=0.0)
 
 
 def unbounded(clock: Scalar) -> Bound:

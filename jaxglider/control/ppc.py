@@ -11,13 +11,13 @@ from jaxglider.control.controller import (
     AbstractController,
     ControlRecord,
     allocate,
-    check_positive,
     default_damping,
     tracking_error,
 )
 from jaxglider.control.funnel import Funnel
 from jaxglider.control.performance import Bound
 from jaxglider.core.containers import Scalar
+from jaxglider.core.sets import POSITIVE
 from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
 from jaxglider.vehicle.design_model import DesignModel
 
@@ -39,21 +39,12 @@ class PPC(AbstractController):
 
     model: DesignModel
     funnel: Funnel
-    l0: Channels[Scalar]
-    l1_margin: Channels[Scalar]
-    l2: Channels[Scalar]
-    damping: Command[Scalar] = eqx.field(default_factory=default_damping)
-
-    def __check_init__(self) -> None:
-        check_positive(
-            "PPC",
-            {
-                "l0": self.l0,
-                "l1_margin": self.l1_margin,
-                "l2": self.l2,
-                "damping": self.damping,
-            },
-        )
+    l0: Channels[Scalar] = eqx.field(metadata={"set": POSITIVE})
+    l1_margin: Channels[Scalar] = eqx.field(metadata={"set": POSITIVE})
+    l2: Channels[Scalar] = eqx.field(metadata={"set": POSITIVE})
+    damping: Command[Scalar] = eqx.field(
+        default_factory=default_damping, metadata={"set": POSITIVE}
+    )
 
     def init(self) -> None:
         """It has no memory."""

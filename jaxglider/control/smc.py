@@ -12,13 +12,13 @@ from jaxglider.control.controller import (
     AbstractController,
     ControlRecord,
     allocate,
-    check_positive,
     default_damping,
     tracking_error,
 )
 from jaxglider.control.funnel import Funnel
 from jaxglider.control.performance import Bound
 from jaxglider.core.containers import Scalar
+from jaxglider.core.sets import POSITIVE
 from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
 from jaxglider.vehicle.design_model import DesignModel
 
@@ -39,17 +39,13 @@ class SMC(AbstractController):
     """
 
     model: DesignModel
-    c0: Channels[Scalar]
-    c1: Channels[Scalar]
-    c2: Channels[Scalar]
-    damping: Command[Scalar] = eqx.field(default_factory=default_damping)
-    funnel: Funnel | None = None
-
-    def __check_init__(self) -> None:
-        check_positive(
-            "SMC",
-            {"c0": self.c0, "c1": self.c1, "c2": self.c2, "damping": self.damping},
-        )
+    c0: Channels[Scalar] = eqx.field(metadata={"set": POSITIVE})
+    c1: Channels[Scalar] = eqx.field(metadata={"set": POSITIVE})
+    c2: Channels[Scalar] = eqx.field(metadata={"set": POSITIVE})
+    damping: Command[Scalar] = eqx.field(
+        default_factory=default_damping, metadata={"set": POSITIVE}
+    )
+    funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})
 
     def init(self) -> None:
         """It has no memory."""

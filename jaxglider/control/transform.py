@@ -18,8 +18,9 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxglider.control.performance import Bound
-from jaxglider.core.containers import Container, Scalar, as_float, check_interval
+from jaxglider.core.containers import Container, Scalar, as_float
 from jaxglider.core.numerics import log2
+from jaxglider.core.sets import UNIT, UNIT_CLOSED
 
 
 class TransformedError(eqx.Module):
@@ -56,15 +57,15 @@ class ErrorTransformation(Container):
         ValueError: a number is outside its interval.
     """
 
-    lower: Scalar = eqx.field(converter=as_float, default=1.0)
-    upper: Scalar = eqx.field(converter=as_float, default=1.0)
-    tail: Scalar = eqx.field(converter=as_float, default=0.95)
-
-    def __check_init__(self) -> None:
-        owner = "ErrorTransformation"
-        for name in ("lower", "upper"):
-            check_interval(owner, name, getattr(self, name), 0.0, 1.0, closed_high=True)
-        check_interval(owner, "tail", self.tail, 0.0, 1.0)
+    lower: Scalar = eqx.field(
+        converter=as_float, default=1.0, metadata={"set": UNIT_CLOSED}
+    )
+    upper: Scalar = eqx.field(
+        converter=as_float, default=1.0, metadata={"set": UNIT_CLOSED}
+    )
+    tail: Scalar = eqx.field(
+        converter=as_float, default=0.95, metadata={"set": UNIT, "tuned": False}
+    )
 
     def __call__(
         self, error: Scalar, error_rate: Scalar, bound: Bound

@@ -13,6 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxglider.core.sets import POSITIVE, Interval, NumberSet
+
 if TYPE_CHECKING:
     # Fields take numbers and hold arrays; a type checker does not follow converters.
     Scalar = Any
@@ -91,33 +93,48 @@ def check_interval(
     seen = concrete(value)
     if seen is None:
         return
-    above = seen >= low if closed_low else seen > low
-    below = seen <= high if closed_high else seen < high
-    if not np.all(above & below):
-        rule = _interval_words(low, high, closed_low, closed_high)
+    interval = Interval(low, high, closed_low, closed_high)
+    if not np.all(interval.holds(seen)):
         hint = f" {remedy}" if remedy else ""
-        raise ValueError(f"{owner}.{name} must be {rule}; received {seen}.{hint}")
+        raise ValueError(
+            f"{owner}.{name} must be {interval.words()}; received {seen}.{hint}"
+        )
 
 
-def _interval_words(
-    low: float, high: float, closed_low: bool, closed_high: bool
-) -> str:
-    if np.isinf(high):
-        if low == 0:
-            return "zero or positive" if closed_low else "positive"
-        return f"{'at least' if closed_low else 'above'} {low:g}"
-    if np.isinf(low):
-        return f"{'at most' if closed_high else 'below'} {high:g}"
-    opening, closing = "[" if closed_low else "(", "]" if closed_high else ")"
-    return f"in {opening}{low:g}, {high:g}{closing}"
+def check_set(owner: str, name: str, value: Any, numbers: NumberSet) -> None:
+    """Refuse concrete numbers outside the set of their field.
+
+    Args:
+        owner: class that has the field.
+        name: name of the field.
+        value: number, container of numbers, or anything else, which passes.
+        numbers: set of the field; of a coupled one, that they are positive.
+
+    Raises:
+        ValueError: names the number, the set and the value.
+    """
+    if isinstance(value, eqx.Module):
+        for below, part in vars(value).items():
+            check_set(owner, f"{name}.{below}", part, numbers)
+        return
+    interval = numbers if isinstance(numbers, Interval) else POSITIVE
+    check_interval(owner, name, value, **dataclasses.asdict(interval))
 
 
 class Container(eqx.Module):
-    """Base of everything a user builds: refuses numbers that are not finite."""
+    """Base of everything a user builds: refuses numbers that it cannot have.
+
+    Raises:
+        ValueError: a number is not finite, or outside the set of its field.
+    """
 
     def __check_init__(self) -> None:
+        owner = type(self).__name__
         for field in dataclasses.fields(self):
-            check_finite(type(self).__name__, field.name, getattr(self, field.name))
+            value = getattr(self, field.name)
+            check_finite(owner, field.name, value)
+            if "set" in field.metadata:
+                check_set(owner, field.name, value, field.metadata["set"])
 
 
 def choose(argument: str, value: str, allowed: tuple[str, ...]) -> None:

@@ -2,8 +2,9 @@
 
 import equinox as eqx
 
-from jaxglider.core.containers import Container, Scalar, as_float, check_interval
+from jaxglider.core.containers import Container, Scalar, as_float
 from jaxglider.core.numerics import arctan
+from jaxglider.core.sets import NOT_NEGATIVE, POSITIVE
 
 
 class LineOfSight(Container):
@@ -17,14 +18,12 @@ class LineOfSight(Container):
         ValueError: the lookahead is not positive or the integral gain negative.
     """
 
-    lookahead: Scalar = eqx.field(converter=as_float, metadata={"unit": "m"})
-    integral_gain: Scalar = eqx.field(converter=as_float)
-
-    def __check_init__(self) -> None:
-        check_interval("LineOfSight", "lookahead", self.lookahead, 0.0)
-        check_interval(
-            "LineOfSight", "integral_gain", self.integral_gain, 0.0, closed_low=True
-        )
+    lookahead: Scalar = eqx.field(
+        converter=as_float, metadata={"unit": "m", "set": POSITIVE}
+    )
+    integral_gain: Scalar = eqx.field(
+        converter=as_float, metadata={"set": NOT_NEGATIVE}
+    )
 
     def __call__(
         self, cross_track: Scalar, cross_track_rate: Scalar, integral: Scalar

@@ -5,6 +5,7 @@ A gain x in a set of the theory is written as a free number z without bounds:
 positive           x = exp(z)
 above an edge      x = edge (1 + m) + exp(z)
 below an edge      x = edge (1 − m) / (1 + exp(−z)), and above zero
+between two ends   x = low + (high − low) (m + (1 − 2m) / (1 + exp(−z)))
 
 The edge may depend on another gain. So every z gives a gain inside its set, nothing is
 ever clipped, and far from the edges a step in z is a ratio of gains.
@@ -16,6 +17,7 @@ is bent smoothly so that it stays within ±30, gains between 1e-13 and 1e13.
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -25,6 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.core.containers import Scalar, Series
+from jaxglider.core.sets import Interval
 
 MARGIN = 1e-5
 """m: share of an edge by which a gain stays clear of it."""
@@ -85,7 +88,7 @@ class Above:
         """Whether a gain is clear of the edge."""
         return gain >= edge * (1.0 + 2.0 * MARGIN)
 
-    def inside(self, edge: float, step: float) -> float:
+    def inside(self, gain: float, edge: float, step: float) -> float:
         """The nearest gain that is clear of the edge by a share of it."""
         return edge * (1.0 + step)
 
@@ -111,12 +114,48 @@ class Below:
         """Whether a gain is clear of the edge, and positive."""
         return 0.0 < gain <= edge * (1.0 - 2.0 * MARGIN)
 
-    def inside(self, edge: float, step: float) -> float:
+    def inside(self, gain: float, edge: float, step: float) -> float:
         """The nearest gain that is clear of the edge by a share of it."""
         return edge * (1.0 - step)
 
 
-Bijection = Positive | Above | Below
+@dataclasses.dataclass(frozen=True)
+class Between:
+    """x = low + (edge − low) (m + (1 − 2m) / (1 + exp(−z))), of either sign.
+
+    Attributes:
+        low: lower end; the edge is the upper one.
+    """
+
+    low: float
+
+    def stretch(self, bent: Series) -> Series:
+        """The part that does not need the edge."""
+        return jax.nn.sigmoid(bent)
+
+    def place(self, grown: Scalar, edge: Scalar | float) -> Scalar:
+        """The gain, from `stretch` and the edge."""
+        share = MARGIN + (1.0 - 2.0 * MARGIN) * grown
+        return self.low + (edge - self.low) * share
+
+    def inverse(self, gain: Number, edge: float) -> Number:
+        """The bent free number of a gain; not to be traced."""
+        width = (edge - self.low) * (1.0 - 2.0 * MARGIN)
+        share = (gain - self.low - MARGIN * (edge - self.low)) / width
+        return np.log(share) - np.log1p(-share)
+
+    def has_room_for(self, gain: float, edge: float) -> bool:
+        """Whether a gain is clear of both ends."""
+        room = 2.0 * MARGIN * (edge - self.low)
+        return self.low + room <= gain <= edge - room
+
+    def inside(self, gain: float, edge: float, step: float) -> float:
+        """The nearest gain that is clear of its end by a share of the interval."""
+        room = step * (edge - self.low)
+        return min(max(gain, self.low + room), edge - room)
+
+
+Bijection = Positive | Above | Below | Between
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,13 +189,6 @@ def _arcsech(y: Scalar) -> Scalar:
 
 
 POSITIVE = Edge(lambda _: 0.0, "positive", lambda x, _: x > 0.0)
-UNIT = Edge(lambda _: 1.0, "in (0, 1)", lambda x, _: 0.0 < x < 1.0)
-UNIT_CLOSED = Edge(lambda _: 1.0, "in (0, 1]", lambda x, _: 0.0 < x <= 1.0)
-ABOVE_ONE = Edge(lambda _: 1.0, "above 1", lambda x, _: x > 1.0)
-QUARTER_TURN = Edge(
-    lambda _: math.pi / 2, "in (0, pi/2]", lambda x, _: 0.0 < x <= math.pi / 2
-)
-FROM_ONE = Edge(lambda _: 1.0, "at least 1", lambda x, _: x >= 1.0)
 K2_GIVEN_K1 = Edge(
     lambda k1: jnp.sqrt(k1) * math.sqrt(4.0 / 3.0),
     "k1 < 3/4 k2^2",
@@ -181,6 +213,36 @@ SECH_INITIAL = Edge(
 SECH_INITIAL_ALONE = Edge(
     lambda _: 20.0, "positive and below 20", lambda initial, _: 0.0 < initial < 20.0
 )
+
+
+@functools.cache
+def of_interval(numbers: Interval) -> tuple[Bijection, Edge]:
+    """How a number is kept in an interval, whatever the others are.
+
+    Zero is never reached, even where it belongs to the interval.
+
+    Raises:
+        ValueError: an interval that ends at one side only, and not at zero or above.
+    """
+    low, high = numbers.low, numbers.high
+    if low == 0.0:
+        numbers = dataclasses.replace(numbers, closed_low=False)
+        if math.isinf(high):
+            return Positive(), POSITIVE
+    rule = numbers.words()
+
+    def holds(x: float, _: float) -> bool:
+        return bool(numbers.holds(x))
+
+    if math.isinf(high) and low > 0.0:
+        return Above(), Edge(lambda _: low, rule, holds)
+    if math.isinf(high - low):
+        raise ValueError(
+            f"a tuned number must have two ends or start from zero or above; its set "
+            f"is {rule}. Give its Interval both ends, or tune it not."
+        )
+    bijection = Below() if low == 0.0 else Between(low)
+    return bijection, Edge(lambda _: high, rule, holds)
 
 
 def observer_integral(rate_bound: float) -> Edge:

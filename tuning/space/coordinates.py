@@ -10,24 +10,20 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglider.control import SMC, ChannelGains, RollAwareFxTPPC
-from jaxglider.control.observer import FixedTimeObserver
-from jaxglider.control.performance import ExponentialFunction, SechFunction
-from jaxglider.control.transform import ErrorTransformation
+from jaxglider.core.sets import K1_BELOW_K2 as K1_BELOW_K2
+from jaxglider.core.sets import OBSERVER_SET as OBSERVER_SET
+from jaxglider.core.sets import POSITIVE as POSITIVE_NUMBERS
+from jaxglider.core.sets import SECH_ABOVE_BOUND, Interval, NumberSet
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.vehicle.design_model import DesignModel
 from tuning.space.bijections import (
-    ABOVE_ONE,
-    FROM_ONE,
     K1_GIVEN_K2,
     K2_GIVEN_K1,
     POSITIVE,
-    QUARTER_TURN,
     SECH_BOUND,
     SECH_INITIAL,
     SECH_INITIAL_ALONE,
-    UNIT,
-    UNIT_CLOSED,
     Above,
     Below,
     Bijection,
@@ -35,14 +31,33 @@ from tuning.space.bijections import (
     Positive,
     observer_integral,
     observer_proportional,
+    of_interval,
 )
 
-K1_BELOW_K2 = "k1-below-k2-squared"
-OBSERVER_SET = "observer-set"
 CONSTRAINTS = (K1_BELOW_K2, OBSERVER_SET)
 
 _GUIDANCE = "scenario.reference.line_of_sight"
-_LEFT_OUT = {"model", "smoothing", "tail"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Number:
+    """A number of a closed loop, and the set that a field says it is in.
+
+    Attributes:
+        owner: path of the object that has the field.
+        field: name of the field.
+        below: path of the number below the field, with its dot; empty for itself.
+        numbers: set of the field; all positive numbers where it says nothing.
+    """
+
+    owner: str
+    field: str
+    below: str
+    numbers: NumberSet
+
+    def beside(self, field: str) -> str:
+        """Path of the number at the same place of another field of the owner."""
+        return f"{self.owner}.{field}{self.below}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,7 +101,7 @@ class Pair:
 
 def tunable_paths(loop: ClosedLoop) -> tuple[str, ...]:
     """All numbers of a closed loop that can be tuned, by their dotted paths."""
-    return tuple(_owners(loop))
+    return tuple(_tunable(loop))
 
 
 def expand(loop: ClosedLoop, paths: Sequence[str]) -> tuple[str, ...]:
@@ -120,21 +135,22 @@ def pairs(loop: ClosedLoop, bounds: BodyAxes[Any] | None) -> Iterator[Pair]:
         loop: the closed loop.
         bounds: on the rate of the disturbance of each axis [N/s, N m/s].
     """
-    for path, (owner, name) in _owners(loop).items():
-        base = path.rpartition(".")[0]
-        if isinstance(owner, ChannelGains) and name == "k1":
-            yield Pair(
-                K1_BELOW_K2, path, f"{base}.k2", Below(), K1_GIVEN_K2, K2_GIVEN_K1
-            )
-    if isinstance(loop.observer, FixedTimeObserver) and bounds is not None:
-        for axis, bound in vars(bounds).items():
+    for path, number in _tunable(loop).items():
+        coupled = number.numbers
+        if isinstance(coupled, Interval) or number.field != coupled.first:
+            continue
+        partner = number.beside(coupled.second)
+        if coupled.rule == K1_BELOW_K2:
+            yield Pair(K1_BELOW_K2, path, partner, Below(), K1_GIVEN_K2, K2_GIVEN_K1)
+        elif coupled.rule == OBSERVER_SET and bounds is not None:
+            bound = float(getattr(bounds, path.rpartition(".")[2]))
             yield Pair(
                 OBSERVER_SET,
-                f"observer.proportional.{axis}",
-                f"observer.integral.{axis}",
+                path,
+                partner,
                 Above(),
-                observer_proportional(float(bound)),
-                observer_integral(float(bound)),
+                observer_proportional(bound),
+                observer_integral(bound),
             )
 
 
@@ -148,7 +164,7 @@ def coordinates(
         names: whole paths.
         coupled: the pairs to hold.
     """
-    owners = _owners(loop)
+    tunable = _tunable(loop)
     by_first = {pair.first: pair for pair in coupled}
     by_second = {pair.second: pair for pair in coupled}
 
@@ -159,63 +175,65 @@ def coordinates(
         if path in by_first and by_first[path].second not in names:
             pair = by_first[path]
             return Coordinate(path, pair.first_kind, pair.first_edge, pair.second)
-        return _by_itself(path, *owners[path], names)
+        return _by_itself(path, tunable[path], names)
 
     return tuple(of(path) for path in names)
 
 
-def _by_itself(path: str, owner: Any, name: str, names: Collection[str]) -> Coordinate:
-    """The set a number is in by its own kind."""
-    base = path.rpartition(".")[0]
-    match owner, name:
-        case ChannelGains(), "rho":
-            return Coordinate(path, Below(), UNIT)
-        case ChannelGains(), "mu":
-            return Coordinate(path, Above(), ABOVE_ONE)
-        case RollAwareFxTPPC(), "largest_angle":
-            return Coordinate(path, Below(), QUARTER_TURN)
-        case (RollAwareFxTPPC(), "hedging") | (ErrorTransformation(), _):
-            return Coordinate(path, Below(), UNIT_CLOSED)
-        case ExponentialFunction(), "initial":
-            return Coordinate(path, Above(), FROM_ONE)
-        case SechFunction(), "final_bound":
-            return Coordinate(path, Below(), SECH_BOUND, f"{base}.initial")
-        case SechFunction(), "initial":
-            bound = f"{base}.final_bound"
-            if bound in names:
-                return Coordinate(path, Below(), SECH_INITIAL_ALONE)
-            return Coordinate(path, Below(), SECH_INITIAL, bound)
-    return Coordinate(path, Positive(), POSITIVE)
+def _by_itself(path: str, number: Number, names: Collection[str]) -> Coordinate:
+    """How a number is kept in the set of its own field."""
+    numbers = number.numbers
+    if isinstance(numbers, Interval):
+        return Coordinate(path, *of_interval(numbers))
+    if numbers.rule != SECH_ABOVE_BOUND:
+        return Coordinate(path, Positive(), POSITIVE)
+    if number.field == numbers.second:
+        return Coordinate(path, Below(), SECH_BOUND, number.beside(numbers.first))
+    bound = number.beside(numbers.second)
+    if bound in names:
+        return Coordinate(path, Below(), SECH_INITIAL_ALONE)
+    return Coordinate(path, Below(), SECH_INITIAL, bound)
 
 
-def _owners(loop: ClosedLoop) -> dict[str, tuple[Any, str]]:
-    """Owner and field name of each tunable number, by path."""
+def _tunable(loop: ClosedLoop) -> dict[str, Number]:
+    """Each tunable number, by its path."""
     found = dict(_numbers(loop.controller, "controller"))
-    if isinstance(loop.controller, SMC):
-        # It is judged by its funnel but does not use it.
-        found = {k: v for k, v in found.items() if ".funnel." not in k}
     found.update(_numbers(loop.observer, "observer"))
     guidance = getattr(loop.scenario.reference, _GUIDANCE.rpartition(".")[2], None)
     found.update(_numbers(guidance, _GUIDANCE))
     return found
 
 
-def _numbers(module: Any, path: str) -> Iterator[tuple[str, tuple[Any, str]]]:
-    if not isinstance(module, eqx.Module):
+def _numbers(
+    module: Any, path: str, above: Number | None = None
+) -> Iterator[tuple[str, Number]]:
+    """The tunable numbers of an object, by path.
+
+    Args:
+        module: object to look into.
+        path: its path.
+        above: field that holds the object, where that field says in which set all
+            numbers below it are.
+    """
+    if not isinstance(module, eqx.Module) or isinstance(module, DesignModel):
         return
     for field in dataclasses.fields(module):
-        value = getattr(module, field.name)
-        if field.name in _LEFT_OUT or field.metadata.get("static", False):
+        value, about = getattr(module, field.name), field.metadata
+        if about.get("static", False) or not about.get("tuned", True):
             continue
-        below = f"{path}.{field.name}"
+        here = f"{path}.{field.name}"
+        number = Number(path, field.name, "", about.get("set", POSITIVE_NUMBERS))
+        if "set" not in about and above is not None:
+            number = dataclasses.replace(above, below=f"{above.below}.{field.name}")
         if isinstance(value, eqx.Module):
-            yield from _numbers(value, below)
+            inherited = "set" in about or above is not None
+            yield from _numbers(value, here, number if inherited else None)
         elif (
             isinstance(value, jax.Array)
             and value.shape == ()
             and jnp.issubdtype(value.dtype, jnp.floating)
         ):
-            yield below, (module, field.name)
+            yield here, number
 
 
 def leaves(loop: ClosedLoop, paths: Sequence[str]) -> list[Any]:

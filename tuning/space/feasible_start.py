@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.simulation.closed_loop import ClosedLoop
-from tuning.space.bijections import Above, Edge, Positive
+from tuning.space.bijections import Above, Between, Edge, Positive
 from tuning.space.coordinates import Coordinate, Pair, leaves
 
 # A bijection is flat at its edge, and a search that started there would stay there for
@@ -40,11 +40,13 @@ def start_inside(
             if words:
                 moved.setdefault(words, []).append(c.path)
     for c in coordinates:
+        if isinstance(c.bijection, Between):
+            continue
         if not _SMALLEST < start[c.path] < _LARGEST:
             raise ValueError(
                 f"{c.path} must start between {_SMALLEST:g} and {_LARGEST:g} to be "
-                f"tuned; received {start[c.path]:g}. Give another start, or leave it "
-                "out."
+                f"tuned; received {start[c.path]:g}. Give another start, leave it "
+                "out, or give a field of your own an Interval for its set."
             )
     notes = [words.format(paths=", ".join(where)) for words, where in moved.items()]
     return start, notes
@@ -95,10 +97,11 @@ def left_broken(
 
 def _move(c: Coordinate, start: dict[str, float], free: Collection[str]) -> str:
     """Move a number that is outside its set to inside; what was done, in words."""
-    if isinstance(c.bijection, Positive) or not start[c.path] > 0.0:
+    signed = isinstance(c.bijection, Between)
+    if isinstance(c.bijection, Positive) or not (signed or start[c.path] > 0.0):
         return ""
     old, edge = start[c.path], float(edge_at(c, start))
-    if not edge > 0.0:
+    if not (signed or edge > 0.0):
         raise ValueError(
             f"no {c.path} keeps its rule, {c.edge.rule}, while {c.partner} is "
             f"{start[c.partner or '']:g}; tune both, or change the other first."
@@ -106,7 +109,7 @@ def _move(c: Coordinate, start: dict[str, float], free: Collection[str]) -> str:
     if c.bijection.has_room_for(old, edge):
         return ""
     if c.partner is None:
-        start[c.path] = c.bijection.inside(edge, _INSIDE)
+        start[c.path] = c.bijection.inside(old, edge, _INSIDE)
         return (
             f"{{paths}} (set: {c.edge.rule}): the search starts from "
             f"{start[c.path]:g} instead of {old:g}, because it stays strictly inside "
@@ -118,7 +121,7 @@ def _move(c: Coordinate, start: dict[str, float], free: Collection[str]) -> str:
             c.edge, before, old, _INSIDE_COUPLED
         )
     else:
-        start[c.path] = c.bijection.inside(edge, _INSIDE_COUPLED)
+        start[c.path] = c.bijection.inside(old, edge, _INSIDE_COUPLED)
     changes = f"{c.path} from {old:g} to {start[c.path]:g}"
     if start[c.partner] != before:
         changes = f"{c.partner} from {before:g} to {start[c.partner]:g}, {changes}"

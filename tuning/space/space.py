@@ -24,7 +24,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxglider.control.observer import FixedTimeObserver
 from jaxglider.core.containers import Series
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
@@ -91,8 +90,8 @@ class Space:
         space = cls(coordinates(loop, names, held))
         notes = [*start_inside(loop, space.coordinates)[1]]
         notes += left_broken(loop, known, held, names)
-        if OBSERVER_SET in constraints and not isinstance(
-            loop.observer, FixedTimeObserver
+        if OBSERVER_SET in constraints and not any(
+            pair.constraint == OBSERVER_SET for pair in known
         ):
             kind = type(loop.observer).__name__
             notes.append(f"{OBSERVER_SET} has nothing to hold in a {kind}.")
