@@ -1,12 +1,14 @@
 """Shards joined, and members of a campaign run once more."""
 
 import functools
+import hashlib
 import json
 
 import jax
 import netCDF4
 import numpy as np
 import pytest
+import tomli_w
 from toy_campaign import RUN
 
 import tuning.campaign.execute
@@ -145,3 +147,23 @@ def test_members_are_ranked_by_their_worst_channel_failures_last():
     metrics[3, 0, COLUMNS.index("finite")] = 0.0
     table = Rows(make_rows(10, np.ones((5, 1)), metrics), ("x",))
     assert ranked(table, 0) == [11, 10, 14, 12, 13]
+
+
+def test_a_campaign_of_an_older_version_goes_on(sweep, kept, tmp_path):
+    """Its sets of gains held the text of a file, as did the digest beside them."""
+    kept("old", "--members 512 --no-report")
+    path = tmp_path / "old" / "campaign.json"
+    campaign = json.loads(path.read_text())
+    for entry in campaign["settings"]["gains"]:
+        provenance = '[provenance]\nscenario = "switching"\n'
+        entry["text"] = tomli_w.dumps(entry.pop("content")) + provenance
+    text = json.dumps(campaign["settings"], sort_keys=True)
+    campaign["fingerprint"] = hashlib.sha256(text.encode()).hexdigest()
+    path.write_text(json.dumps(campaign))
+    rows = (tmp_path / "old" / "rows.bin").read_bytes()
+    options = "--members 512 --no-report --out old --resume"
+    assert sweep(f"{RUN} {options}")[0] == 0
+    assert (tmp_path / "old" / "rows.bin").read_bytes() == rows
+    code, _, err = sweep(f"{RUN} {options} --controller ppc")
+    assert code == 2
+    assert "gains" in err

@@ -16,7 +16,7 @@ from jaxglider.files.gains import (
     read_gains,
     with_law_inside,
 )
-from jaxglider.files.user_law import is_own, short_name
+from jaxglider.files.user_law import is_own, law_entry, short_name
 from jaxglider.paper.tuned import tuned_gains
 from jaxglider.vehicle.design_model import DesignModel
 
@@ -60,7 +60,8 @@ class GainSet:
         try:
             return decode_gains(self.content, scenario, model, funnel)
         except ConfigError as error:
-            raise ConfigError(f"{self.origin}: {error}") from error
+            where = f"{self.origin}: " if is_file(self.origin) else ""
+            raise ConfigError(f"{where}{error}") from error
 
     def self_contained(self) -> "GainSet":
         """The same as tables that need no file, not even that of a law of one's own.
@@ -70,7 +71,9 @@ class GainSet:
         """
         tables = self.content
         if isinstance(tables, LoadedGains):
-            tables = encode_gains(*tables[1:])
+            tables = encode_gains(tables.controller, tables.observer, tables.guidance)
+        # Where gains come from changes nothing that they do.
+        tables = {key: x for key, x in tables.items() if key != "provenance"}
         return dataclasses.replace(self, content=with_law_inside(tables))
 
     @classmethod
@@ -190,6 +193,7 @@ def told_apart(sets: Sequence[GainSet]) -> tuple[GainSet, ...]:
 
 def _beginning(kind: str) -> GainSet:
     """The gains that a law begins with, the paper's where it has any."""
+    law_entry(kind, "--controller")
     return GainSet(short_name(kind), PAPER, {"controller": {"type": kind}})
 
 

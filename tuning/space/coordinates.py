@@ -197,11 +197,11 @@ def _by_itself(path: str, number: Number, names: Collection[str]) -> Coordinate:
 
 def _tunable(loop: ClosedLoop) -> dict[str, Number]:
     """Each tunable number, by its path."""
-    found = dict(_numbers(loop.controller, "controller"))
-    found.update(_numbers(loop.observer, "observer"))
+    numbers = dict(_numbers(loop.controller, "controller"))
+    numbers.update(_numbers(loop.observer, "observer"))
     guidance = getattr(loop.scenario.reference, _GUIDANCE.rpartition(".")[2], None)
-    found.update(_numbers(guidance, _GUIDANCE))
-    return found
+    numbers.update(_numbers(guidance, _GUIDANCE))
+    return numbers
 
 
 def _numbers(

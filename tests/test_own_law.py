@@ -1,0 +1,223 @@
+"""A law of a user's own, in a file outside the packages, through every command."""
+
+import json
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+import tomli_w
+
+import tuning.evaluation.runs
+from jaxglider import paper
+from jaxglider.control.observer import FixedTimeObserver
+from jaxglider.core.toml import ConfigError
+from jaxglider.files.codec import encode
+from jaxglider.files.gains import load_gains
+from jaxglider.files.mission import build_mission, load_mission, self_contained
+from jaxglider.files.user_law import first_gains, law_entry
+from jaxglider.paper.cases import design_model, make_scenario
+from tuning.campaign.run.campaign import build
+from tuning.campaign.run.store import read_manifest
+
+OWN = "own.py:Steered"
+SHORT = ("--plant", "printed", "--duration", "4", "--dt", "0.1")
+MISSION = {
+    "name": "bay",
+    "clock": {"duration_s": 4.0, "dt_s": 0.1},
+    "controller": {"type": OWN, "trim_m": -0.02},
+}
+FUNNEL = (
+    '    funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})\n'
+)
+MODEL = design_model(make_scenario().plant)
+
+
+@pytest.fixture(autouse=True)
+def own(tmp_path, monkeypatch):
+    """The law's file in an empty folder; drawing is tested elsewhere."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tuning.evaluation.runs, "save_all", lambda *args: [])
+    shutil.copy(Path(__file__).with_name("own_law.py"), tmp_path / "own.py")
+    return tmp_path / "own.py"
+
+
+def test_it_is_simulated_in_place_of_a_missions_law(call, own):
+    (own.parent / "m.toml").write_text(
+        tomli_w.dumps(MISSION | {"controller": {"type": "smc"}})
+    )
+    code, out, err = call(
+        "simulate", "--config", "m.toml", "--controller", OWN, "--json"
+    )
+    assert code == 0, err
+    (run,) = json.loads(out)["runs"]
+    assert run["controller"] == "Steered"
+    # The same law from a mission file, with its own numbers over those it begins with.
+    folder = own.parent / "missions"
+    folder.mkdir()
+    own.rename(folder / "own.py")
+    (folder / "m.toml").write_text(tomli_w.dumps(MISSION))
+    code, out, err = call("simulate", "--config", "missions/m.toml", "--json")
+    assert code == 0, err
+    (other,) = json.loads(out)["runs"]
+    assert other["controller"] == "Steered"
+    channels = other["channels"]
+    assert channels["pitch"]["rms_error"] != run["channels"]["pitch"]["rms_error"]
+    mission = load_mission("missions/m.toml")
+    assert mission.law.kind == "missions/own.py:Steered"
+    assert float(mission.loop.controller.trim) == -0.02
+    assert float(mission.loop.controller.lead) == 2.0
+    assert type(mission.loop.observer) is FixedTimeObserver
+
+
+def test_it_is_compared_beside_the_laws_of_the_catalogue(call):
+    code, out, err = call(
+        *("compare", "--controllers", OWN, "smc", "--scenario", "switching"),
+        *("--dt", "0.5", "--json"),
+    )
+    assert code == 0, err
+    runs = json.loads(out)["runs"]
+    assert [run["controller"] for run in runs] == ["Steered", "smc"]
+    assert runs[0]["channels"]["depth"]["time_outside_funnel"] < 0.1
+
+
+def test_it_is_tuned_and_its_gains_go_everywhere(call, own, tmp_path):
+    code, out, err = call(
+        *("tune", "--controller", OWN, *SHORT, "--members", "1"),
+        *("--steps", "2", "--no-check", "--out", "t", "--json"),
+    )
+    assert code == 0, err
+    result = json.loads(out)
+    assert result["controller"] == "Steered"
+    assert set(result["gains"]) == {
+        f"controller.{name}" for name in ("depth", "pitch", "heading", "lead", "trim")
+    }
+    tables = tomllib.loads((tmp_path / "t" / "gains.toml").read_text())
+    assert tables["controller"]["type"] == OWN
+    tuned = load_gains("t/gains.toml", "switching", MODEL).controller
+    for name, gain in result["gains"].items():
+        assert float(getattr(tuned, name.rpartition(".")[2])) == gain["after"]
+        assert gain["after"] != gain["before"]
+
+    code, out, err = call(
+        "check-gradients", "--gains", "t/gains.toml", *SHORT, "--short", "--json"
+    )
+    assert code == 0, err
+    assert json.loads(out)["report"]["verdict"]["kind"] == "trust"
+
+    code, out, err = call(
+        *("sweep", "--gains", "t/gains.toml", "paper", "--controller", OWN, *SHORT),
+        *("--members", "2", "--precision", "64", "--no-report", "--out", "s", "--json"),
+    )
+    assert code == 0, err
+    assert set(json.loads(out)["controllers"]) == {"Steered", "Steered (gains)"}
+    # A campaign needs the law's file no more.
+    own.unlink()
+    settings = read_manifest(Path("s")).settings
+    campaign = build(settings)
+    assert campaign.kinds == (OWN, OWN)
+    tuned, first = (float(loop.controller.lead) for loop in campaign.loops)
+    assert first == 2.0
+    assert tuned == result["gains"]["controller.lead"]["after"]
+
+
+def test_it_is_exported_and_the_c_agrees_with_it(call, tmp_path):
+    code, _, err = call(
+        *("export", "--gains", "paper", "--controller", OWN, "--plant", "printed"),
+        *("--dt", "0.1", "--out", "c"),
+    )
+    assert code == 0, err
+    tables = tomllib.loads((tmp_path / "c" / "gains.toml").read_text())
+    assert tables["controller"]["type"] == OWN
+    done = subprocess.run(
+        ["make", "-C", "c", "check"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_mission_that_needs_no_file_flies_the_same_law(own):
+    (own.parent / "m.toml").write_text(tomli_w.dumps(MISSION))
+    tables = self_contained("m.toml")
+    own.unlink()
+    law = build_mission(tables).loop.controller
+    assert type(law).__name__ == "Steered"
+    assert float(law.trim) == -0.02
+
+
+def test_its_first_instance_is_made_by_initial_where_there_is_one(own):
+    own.write_text(
+        own.read_text()
+        + "    @classmethod\n"
+        + "    def initial(cls, model, funnel):\n"
+        + "        trim = model.parameters.moving_mass * 1e-3\n"
+        + "        return cls(model, funnel, trim=trim)\n"
+    )
+    law = first_gains(OWN, "switching", MODEL).controller
+    assert law.model is MODEL
+    assert float(law.trim) == float(MODEL.parameters.moving_mass) * 1e-3
+
+
+def test_it_is_listed_like_a_law_of_the_catalogue():
+    entry = law_entry(OWN)
+    assert (entry.label, entry.default_free) == ("Steered", ("controller",))
+    assert law_entry(OWN).cls is entry.cls
+    controller = first_gains(OWN, "waypoints", MODEL).controller
+    wanted = paper.funnel("waypoints").performance.heading.settling_time
+    assert float(controller.funnel.performance.heading.settling_time) == float(wanted)
+
+
+@pytest.mark.parametrize(
+    ("change", "parts"),
+    [
+        (None, ("FILE.py:ClassName with an existing file", "own.py:Steered")),
+        (("class Steered", "class Other"), ("own.py has no ClassName 'Steered'",)),
+        (
+            ("class Steered(AbstractController)", "class Steered"),
+            ("AbstractController",),
+        ),
+        (("import equinox", "import equinoxx"), ("own.py cannot be run", "equinoxx")),
+        (
+            (
+                "depth: float = eqx.field(converter=as_float, default=0.5)",
+                "depth: float = eqx.field(kw_only=True)",
+            ),
+            ("cannot be made", "'depth'", "initial(model, funnel)"),
+        ),
+        ((FUNNEL, ""), ("cannot be made", "funnel")),
+        (("return wanted, state, ", "return wanted, "), ("must return three things",)),
+        (("return wanted, state, ", "return wanted, dt, "), ("the next state", "None")),
+        (("ControlRecord(error, rate)", "error"), ("the record", "ControlRecord")),
+        (("error.heading +", "bounds.roll +"), ("one tick of it cannot be run",)),
+        (("0.01,", "0.05,"), ("Steered.trim must be in (-0.03, 0.03)", "0.05")),
+    ],
+)
+def test_what_is_wrong_with_it_is_said_in_one_line(call, own, change, parts):
+    if change is None:
+        own.unlink()
+    else:
+        text = own.read_text()
+        assert change[0] in text
+        own.write_text(text.replace(*change, 1))
+    code, out, err = call("compare", "--controllers", OWN)
+    assert (code, out) == (2, "")
+    for part in parts:
+        assert part in err
+    assert err.count("\n") == 1
+
+
+def test_a_word_that_is_no_law_is_refused_with_both_ways_to_name_one(call):
+    code, _, err = call("tune", "--controller", "own.py")
+    assert code == 2
+    assert "smc, ppc, fxtppc, fxtppc-roll, or FILE.py:ClassName" in err
+    code, _, err = call("sweep", "--gains", "tuned", "--controller", OWN)
+    assert code == 2
+    assert "no gains come with jaxglider" in err
+
+
+def test_a_class_that_no_file_holds_cannot_be_written():
+    namespace = {"Base": law_entry(OWN).cls, "__name__": "nowhere"}
+    exec("class Lost(Base): pass", namespace)
+    lost = namespace["Lost"]()
+    with pytest.raises(ConfigError, match="has no name in smc, ppc"):
+        encode(lost)
