@@ -13,7 +13,12 @@ NOT_RUN = "# not run: "
 """How a block begins that only shows something, before the reason."""
 
 
-MADE_BY_RECIPES = ("compare --plant keel", "sea ", "tuning/cli/options/sea.py")
+MADE_BY_RECIPES = (
+    "compare --plant keel",
+    "compare --plant printed --controllers proportional",
+    "sea ",
+    "tuning/cli/options/sea.py",
+)
 """How what a reader of the recipes makes begins; it is not there yet."""
 
 

@@ -29,7 +29,8 @@ def blocks(text, language):
         text,
         flags=re.MULTILINE,
     )
-    return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    opening = rf"^```(?:{language}| {{ \.{language} }})\n"
+    return re.findall(rf"{opening}(.*?)^```", text, re.DOTALL | re.MULTILINE)
 
 
 def commands(text):
@@ -63,7 +64,12 @@ def stand_in(kind):
 @pytest.fixture
 def quick(monkeypatch):
     """Long calls answered at once, their arguments checked against the signatures."""
-    for name, kind in (("tune", "TuneResult"), ("sweep", "SweepResult")):
+    answers = {
+        "tune": "TuneResult",
+        "sweep": "SweepResult",
+        "check_gradients": "GradientCheck",
+    }
+    for name, kind in answers.items():
         called = create_autospec(getattr(tuning, name))
         called.return_value = stand_in(getattr(tuning, kind))
         monkeypatch.setattr(tuning, name, called, raising=False)

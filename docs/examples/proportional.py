@@ -1,4 +1,4 @@
-"""A law of one's own: a spring and a damper on each channel, in a file of its own."""
+"""A law of one's own, in a file of its own: a spring and a damper on each channel."""
 
 from typing import Any
 
@@ -6,33 +6,30 @@ import equinox as eqx
 
 import jaxglider
 from jaxglider.control import allocate, tracking_error
+from jaxglider.control.controller import default_damping
 from jaxglider.signals import map_fields
 
 
-def stiffness() -> jaxglider.Channels:
-    """Spring constants to start from [1/s^2]."""
-    return jaxglider.Channels(0.01, 0.05, 0.01)
-
-
-def damping() -> jaxglider.Channels:
-    """Dampers to start from [1/s]."""
-    return jaxglider.Channels(0.2, 0.4, 0.2)
-
-
 class Proportional(jaxglider.AbstractController):
-    """The demanded acceleration is that of a spring and a damper.
+    """The demanded acceleration is that of a spring and a damper, -k e - c e'.
 
     Attributes:
         model: belief of the designer about the glider.
-        stiffness: spring constant of each channel [1/s^2].
-        damping: damper of each channel [1/s].
+        stiffness: spring constant k of each channel [1/s^2].
+        friction: damper c of each channel [1/s].
+        damping: damping of the allocation, one number for each actuator.
         funnel: funnel that its errors are judged by; the law does not use it.
     """
 
     model: jaxglider.DesignModel
-    stiffness: jaxglider.Channels = eqx.field(default_factory=stiffness)
-    damping: jaxglider.Channels = eqx.field(default_factory=damping)
-    funnel: jaxglider.Funnel | None = None
+    stiffness: jaxglider.Channels = eqx.field(
+        default_factory=lambda: jaxglider.Channels(0.01, 0.05, 0.01)
+    )
+    friction: jaxglider.Channels = eqx.field(
+        default_factory=lambda: jaxglider.Channels(0.2, 0.4, 0.2)
+    )
+    damping: jaxglider.Command = eqx.field(default_factory=default_damping)
+    funnel: jaxglider.Funnel | None = eqx.field(default=None, metadata={"tuned": False})
 
     def init(self) -> None:
         """It remembers nothing."""
@@ -44,8 +41,11 @@ class Proportional(jaxglider.AbstractController):
         """One tick: command, next state, and what is reported."""
         error, rate = tracking_error(measurement, reference)
         demand = map_fields(
-            lambda k, c, e, r: -k * e - c * r, self.stiffness, self.damping, error, rate
+            lambda k, c, e, r: -k * e - c * r,
+            self.stiffness,
+            self.friction,
+            error,
+            rate,
         )
-        regular = jaxglider.Command(1e-4, 1e-4, 1e-4)
-        wanted = allocate(self.model, measurement, demand, regular)
+        wanted = allocate(self.model, measurement, demand, self.damping)
         return wanted, state, jaxglider.ControlRecord(error, rate)

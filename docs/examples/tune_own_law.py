@@ -42,7 +42,7 @@ loop = jaxglider.ClosedLoop(scenario, law, jaxglider.NoObserver())
 
 result = tune(
     loop,
-    free=["controller.stiffness", "controller.damping"],
+    free=["controller.stiffness", "controller.friction"],
     members=options.members,
     validation=options.members,
     test=2 * options.members,
