@@ -18,8 +18,9 @@ from jaxglider.export.autopilot import (
 from jaxglider.export.c.outlined import Functions
 from jaxglider.export.c.source import Argument, Structure, write_function
 from jaxglider.signals import BodyAxes, Command, GliderState, zeros
-from jaxglider.simulation.closed_loop import ClosedLoop, integrate
-from jaxglider.simulation.tick import TickPlan, with_start
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.motion import integrate
+from jaxglider.simulation.tick import TickInput, TickPlan
 from jaxglider.vehicle.actuators import Actuator, follow_all
 from jaxglider.vehicle.plant import AbstractPlant
 
@@ -151,8 +152,15 @@ def drift(
         loop.scenario, plant=truth.plant, clock=clock, water=truth.water
     )
     applied = follow_all(truth.actuators, now.held, wanted, truth.dt, now.time)
-    plan = TickPlan(now.time, force, None, None, None, None)
-    given = with_start(plan, force, None)
+    plan = TickPlan(
+        time=now.time,
+        force_end=force,
+        planned=None,
+        bounds=None,
+        judging=None,
+        noise_end=None,
+    )
+    inputs = TickInput(plan, force_start=force, noise_start=None)
     return PlantState(
-        integrate(scenario, now.state, applied, given), applied, now.time + truth.dt
+        integrate(scenario, now.state, applied, inputs), applied, now.time + truth.dt
     )

@@ -16,7 +16,7 @@ from jaxglider.core.numerics import scale_gradient
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics, finish
-from jaxglider.simulation.tick import Carry, TickInput, TickPlan, TickRecord, with_start
+from jaxglider.simulation.tick import Carry, TickInput, TickPlan, TickRecord
 
 
 class Trajectory(eqx.Module):
@@ -72,7 +72,7 @@ def roll(
 
     def step(carry: Any, end: TickPlan) -> Any:
         inner, (force, errors) = carry
-        after, kept = tick(inner, with_start(end, force, errors))
+        after, kept = tick(inner, TickInput(end, force, errors))
         return (after, (end.force_end, end.noise_end)), kept
 
     def through(carry: Any, part: Any) -> Any:
@@ -151,12 +151,12 @@ def evaluate(
     """
 
     @partial(jax.checkpoint, prevent_cse=False)
-    def tick(carry: Carry, given: TickInput) -> tuple[Carry, None]:
+    def tick(carry: Carry, inputs: TickInput) -> tuple[Carry, None]:
         if gradient_memory is not None:
             carry = _forgetting(
                 carry, jnp.exp(-loop.scenario.clock.dt / gradient_memory)
             )
-        return loop.tick(carry, given)[0], None
+        return loop.tick(carry, inputs)[0], None
 
     return roll(loop, sea, noise, tick, checkpoint_every=checkpoint_every)[0]
 

@@ -37,7 +37,10 @@ def _start(loop: ClosedLoop) -> tuple[Channels[Scalar], Channels[Limits], jax.Ar
     planned = scenario.reference.plan(jnp.zeros_like(scenario.clock.dt)[None])
     carry = loop.init()
     measurement = Measurement(
-        state, state.attitude(), carry.held, loop.observer.estimate(carry.observer)
+        state=state,
+        attitude=state.attitude(),
+        applied=carry.held,
+        disturbance=loop.observer.estimate(carry.observer),
     )
     first = jax.tree.map(lambda x: x[0], planned)
     reference, _ = scenario.reference.step(

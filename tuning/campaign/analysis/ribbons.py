@@ -75,9 +75,9 @@ def _errors(
     loop: ClosedLoop, member: Member, step: int
 ) -> tuple[Series, Channels[Series], Channels[Series], Channels[Series]]:
     def tick(
-        carry: Carry, given: TickInput
+        carry: Carry, inputs: TickInput
     ) -> tuple[Carry, tuple[Series, Channels[Series], Channels[Series], Channels]]:
-        after, record = loop_of_member.tick(carry, given)
+        after, record = loop_of_member.tick(carry, inputs)
         limits = record.limits
         lower = Channels(limits.depth.lower, limits.pitch.lower, limits.heading.lower)
         upper = Channels(limits.depth.upper, limits.pitch.upper, limits.heading.upper)
