@@ -9,6 +9,7 @@ from abc import abstractmethod
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from jaxglider.control.funnel import Limits
@@ -105,6 +106,7 @@ def tracking_error(
     return error, rate
 
 
+@jax.named_scope("allocation")
 def allocate(
     model: DesignModel,
     measurement: Measurement,

@@ -1,6 +1,7 @@
 """The funnel: how large an error may be, and the transformation that keeps it there."""
 
 import equinox as eqx
+import jax
 
 from jaxglider.control.performance import AbstractPerformanceFunction, Bound
 from jaxglider.control.transform import ErrorTransformation, TransformedError
@@ -26,6 +27,7 @@ class Funnel(Container):
     performance: Channels[AbstractPerformanceFunction]
     transformation: Channels[ErrorTransformation]
 
+    @jax.named_scope("performance_functions")
     def bounds(self, clock: Scalar) -> Channels[Bound]:
         """P, P', P'' of each channel at t* [s]."""
         return map_fields(lambda p: p(clock), self.performance)
@@ -38,6 +40,7 @@ class Funnel(Container):
             self.transformation,
         )
 
+    @jax.named_scope("error_transformation")
     def transform(
         self,
         error: Channels[Scalar],

@@ -151,6 +151,7 @@ class FxTPPC(AbstractController):
             ControlRecord(error, map_fields(lambda c: c.surface, law)),
         )
 
+    @jax.named_scope("sliding_surface")
     def _channel(
         self, gains: ChannelGains, transformed: TransformedError, integral: Scalar
     ) -> "_ChannelLaw":

@@ -21,6 +21,7 @@ from abc import abstractmethod
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import lax
 
@@ -188,6 +189,7 @@ class FixedTimeObserver(AbstractObserver):
         )
 
 
+@jax.named_scope("observer_root")
 def observer_root(
     target: Scalar, gains: tuple[Scalar, Scalar, Scalar, Scalar], steps: int
 ) -> Scalar:

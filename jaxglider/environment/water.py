@@ -130,17 +130,19 @@ def derivative_in_water(
     """
     a = state.attitude()
     if water.stratification is not None:
-        excess = water.stratification.excess_mass(state.depth)
-        pull = plant.parameters.gravity * excess
-        zero = jnp.zeros_like(pull)
-        disturbance = disturbance + BodyAxes(
-            *frames.ned_to_body(a, zero, zero, pull), zero, zero, zero
-        )
+        with jax.named_scope("stratification"):
+            excess = water.stratification.excess_mass(state.depth)
+            pull = plant.parameters.gravity * excess
+            zero = jnp.zeros_like(pull)
+            disturbance = disturbance + BodyAxes(
+                *frames.ned_to_body(a, zero, zero, pull), zero, zero, zero
+            )
     if water.current is None:
         return plant.derivative(state, command, disturbance)
     return _drifting(plant, water.current, state, a, command, disturbance, time)
 
 
+@jax.named_scope("current")
 def _drifting(
     plant: AbstractPlant,
     current: Current,

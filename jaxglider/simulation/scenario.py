@@ -104,10 +104,12 @@ class Scenario(Container):
     def __check_init__(self) -> None:
         check_sensors(self.sensors)
 
+    @jax.named_scope("disturbance")
     def sea(self, key: jax.Array) -> BodyAxes[Series]:
         """The disturbance realised at every tick [N, N m]; see `disturbances`."""
         return self.disturbance.realise(key, self.clock.times())
 
+    @jax.named_scope("sensor_errors")
     def noise(self, key: jax.Array) -> dict[str, Series] | None:
         """The sensors' errors realised at every tick, or None without sensors."""
         if self.sensors is None:

@@ -1,6 +1,7 @@
 """Actuators: saturation always; rate limit, lag and failure where given."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Container, Scalar, as_float, check_interval
@@ -95,6 +96,7 @@ class Actuator(Container):
         return target
 
 
+@jax.named_scope("actuators")
 def follow_all(
     actuators: Command[Actuator],
     held: Command[Scalar],

@@ -8,6 +8,7 @@ Deviation: the control law prints d̂ where h d̂ is meant, d̂ having six compo
 """
 
 import equinox as eqx
+import jax
 
 from jaxglider.core.containers import Scalar
 from jaxglider.core.numerics import solve_symmetric
@@ -108,6 +109,7 @@ class DesignModel(eqx.Module):
         b = self.actuation.effectiveness(self.parameters, a, command.mass_angle)
         return self.free_force(state, a) + b.wrench(command)
 
+    @jax.named_scope("drift")
     def drift(self, measurement: Measurement) -> Channels[Scalar]:
         """f + h d̂: output acceleration [m/s², rad/s²] with the command at zero."""
         s, a = measurement.state, measurement.attitude
@@ -124,6 +126,7 @@ class DesignModel(eqx.Module):
             curvature.heading + heading,
         )
 
+    @jax.named_scope("input_gain")
     def input_gain(self, measurement: Measurement) -> InputGain:
         """g at the measured attitude and the mass angle last applied."""
         a = measurement.attitude

@@ -14,7 +14,8 @@ out, as in the source; their new place counts from the tick on.
 
 import dataclasses
 
-from jaxglider.core import rotations as frames
+import jax
+
 from jaxglider.core.containers import Scalar
 from jaxglider.core.numerics import barrier, solve_symmetric
 from jaxglider.core.rotations import Attitude
@@ -24,7 +25,7 @@ from jaxglider.vehicle.hydrodynamics import flow_frame_hydrodynamics
 from jaxglider.vehicle.mass_matrix import MassMatrix, mass_matrix
 from jaxglider.vehicle.moving_mass import BallastedActuation
 from jaxglider.vehicle.parameters import BodyParameters, GliderParameters, VehicleData
-from jaxglider.vehicle.plant import AbstractPlant
+from jaxglider.vehicle.plant import AbstractPlant, kinematics
 
 
 class FullPlant(AbstractPlant):
@@ -55,8 +56,7 @@ class FullPlant(AbstractPlant):
             + disturbance
         )
         return GliderState(
-            *frames.body_to_ned(a, state.surge, state.sway, state.heave),
-            *frames.euler_rates(a, state.roll_rate, state.pitch_rate, state.yaw_rate),
+            *kinematics(state, a),
             *accelerate(mass, force).fields(),
         )
 
@@ -81,6 +81,7 @@ class FullPlant(AbstractPlant):
         )
 
 
+@jax.named_scope("momentum_transport")
 def momentum_transport(mass: MassMatrix, nu: BodyAxes[Scalar]) -> BodyAxes[Scalar]:
     """(P × ω, K × ω + P × v): what turning axes do to momentum; it does no work."""
     m = mass
@@ -101,6 +102,7 @@ def momentum_transport(mass: MassMatrix, nu: BodyAxes[Scalar]) -> BodyAxes[Scala
     )
 
 
+@jax.named_scope("weight")
 def weight(
     gravity: Scalar, mass: MassMatrix, a: Attitude, buoyancy_mass: Scalar
 ) -> BodyAxes[Scalar]:
@@ -118,6 +120,7 @@ def weight(
     )
 
 
+@jax.named_scope("acceleration")
 def accelerate(mass: MassMatrix, force: BodyAxes[Scalar]) -> BodyAxes[Scalar]:
     """M⁻¹ (force, moment) in closed form, through J − Cᵀ diag(m)⁻¹ C."""
     m = mass

@@ -19,6 +19,7 @@ angles of attack and sideslip may do work of either sign, a glider that is throw
 swings round, and moved broadside (u = 0) small angles know no force at all.
 """
 
+import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Scalar
@@ -28,6 +29,7 @@ from jaxglider.signals import BodyAxes
 from jaxglider.vehicle.parameters import GliderParameters
 
 
+@jax.named_scope("coriolis")
 def coriolis(
     parameters: GliderParameters, velocity: BodyAxes[Scalar]
 ) -> BodyAxes[Scalar]:
@@ -50,6 +52,7 @@ def coriolis(
     )
 
 
+@jax.named_scope("hydrodynamics")
 def hydrodynamics(
     parameters: GliderParameters, velocity: BodyAxes[Scalar]
 ) -> BodyAxes[Scalar]:
@@ -75,6 +78,7 @@ SLOWEST = 1e-6
 """Speed [m/s] below which the flow has no direction: its frame is singular at rest."""
 
 
+@jax.named_scope("hydrodynamics")
 def flow_frame_hydrodynamics(
     parameters: GliderParameters, induced_drag: Scalar, velocity: BodyAxes[Scalar]
 ) -> BodyAxes[Scalar]:

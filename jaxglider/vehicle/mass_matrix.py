@@ -6,6 +6,7 @@ and turns about it, and ballast. Origin: centre of buoyancy.
 """
 
 import equinox as eqx
+import jax
 
 from jaxglider.core.containers import Scalar
 from jaxglider.core.numerics import barrier, sincos
@@ -57,6 +58,7 @@ class MassMatrix(eqx.Module):
     below: Scalar
 
 
+@jax.named_scope("mass_matrix")
 def mass_matrix(
     parameters: GliderParameters, body: BodyParameters, command: Command[Scalar]
 ) -> MassMatrix:

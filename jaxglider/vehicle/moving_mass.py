@@ -17,6 +17,7 @@ Deviations from the printed equations, needed by both:
 from abc import abstractmethod
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Scalar
@@ -60,6 +61,7 @@ class Effectiveness(eqx.Module):
         )
 
 
+@jax.named_scope("restoring_moment")
 def restoring(
     parameters: GliderParameters, a: Attitude, hull_moment: Scalar | float = 0.0
 ) -> BodyAxes[Scalar]:
@@ -137,6 +139,7 @@ class PrintedActuation(AbstractActuation):
         """B(η, γ) as printed."""
         return _effectiveness(parameters, a, gamma, row4_sign=-1.0)
 
+    @jax.named_scope("actuator_wrench")
     def wrench(
         self, parameters: GliderParameters, a: Attitude, command: Command[Scalar]
     ) -> BodyAxes[Scalar]:
@@ -157,6 +160,7 @@ class RigidBodyActuation(AbstractActuation):
         """The same moment in control-affine form, to the accuracy of the series."""
         return _effectiveness(parameters, a, gamma, row4_sign=1.0)
 
+    @jax.named_scope("actuator_wrench")
     def wrench(
         self, parameters: GliderParameters, a: Attitude, command: Command[Scalar]
     ) -> BodyAxes[Scalar]:
@@ -198,6 +202,7 @@ class BallastedActuation(AbstractActuation):
         """E(η) with the hull's share."""
         return restoring(parameters, a, self.hull_moment)
 
+    @jax.named_scope("actuator_wrench")
     def wrench(
         self, parameters: GliderParameters, a: Attitude, command: Command[Scalar]
     ) -> BodyAxes[Scalar]:

@@ -7,6 +7,7 @@ gives Z, θ and ψ; X, Y and φ are needed too).
 from abc import abstractmethod
 
 import equinox as eqx
+import jax
 
 from jaxglider.core import rotations as frames
 from jaxglider.core.containers import Scalar
@@ -55,6 +56,22 @@ class AbstractPlant(eqx.Module):
         """What a designer who knows this glider exactly would design with."""
 
 
+@jax.named_scope("kinematics")
+def kinematics(
+    state: GliderState, a: Attitude
+) -> tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]:
+    """J(η) ν: rates of the position in NED [m/s] and of the Euler angles [rad/s].
+
+    Args:
+        state: attitude [rad] and body velocity [m/s, rad/s].
+        a: sines and cosines of the attitude.
+    """
+    return (
+        *frames.body_to_ned(a, state.surge, state.sway, state.heave),
+        *frames.euler_rates(a, state.roll_rate, state.pitch_rate, state.yaw_rate),
+    )
+
+
 class SmallAnglePlant(AbstractPlant):
     """The paper's small-angle glider with one family of moving-mass moments.
 
@@ -89,8 +106,7 @@ class SmallAnglePlant(AbstractPlant):
             self.force(state, a, command) + disturbance
         ) / self.parameters.inertia()
         return GliderState(
-            *frames.body_to_ned(a, state.surge, state.sway, state.heave),
-            *frames.euler_rates(a, state.roll_rate, state.pitch_rate, state.yaw_rate),
+            *kinematics(state, a),
             *acceleration.fields(),
         )
 
