@@ -187,8 +187,8 @@ def map_fields(function: Callable[..., Any], first: Any, *rest: Any) -> Any:
     """Apply a function field by field to containers of one kind.
 
     Args:
-        function: called once per field, with that field of each container.
-        first: its type is the type of the result.
+        function: function called once per field, with that field of each container.
+        first: first container; its type is the type of the result.
         rest: further containers with the same field names.
     """
     names = [field.name for field in dataclasses.fields(first)]

@@ -122,7 +122,8 @@ def implicit_root(
     the implicit function theorem, however it was found.
 
     Args:
-        function: gives its value and its slope in y; the slope is not zero.
+        function: function that gives its value and its slope in y; the slope is not
+            zero.
         root: y; not differentiated.
         target: right-hand side.
         parameters: pytree of the function's other arguments.

@@ -23,9 +23,9 @@ class Tableau(eqx.Module):
     """An explicit Runge-Kutta method whose stages each build on the one before only.
 
     Attributes:
-        nodes: where in the step each stage is evaluated, cᵢ in [0, 1].
-        links: how far the next stage steps along this slope, aᵢ₊₁,ᵢ; zero for the last.
-        weights: how much each slope counts in the result, bᵢ.
+        nodes: fractions of the step at which the stages are evaluated, cᵢ in [0, 1].
+        links: step of the next stage along this slope, aᵢ₊₁,ᵢ; zero for the last.
+        weights: weights of the slopes in the result, bᵢ.
         order: order of convergence.
     """
 

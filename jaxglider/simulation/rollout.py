@@ -24,7 +24,7 @@ class Trajectory(eqx.Module):
 
     Attributes:
         ticks: records with a leading time axis.
-        metrics: its measures.
+        metrics: measures of performance of the whole run.
     """
 
     ticks: TickRecord
@@ -51,7 +51,7 @@ def roll(
         sea: the realised disturbance.
         noise: the realised errors of the sensors, or None.
         tick: `loop.tick`, or a function around it that chooses what is kept.
-        checkpoint_every: see `evaluate`.
+        checkpoint_every: ticks from one kept state to the next; see `evaluate`.
 
     Returns:
         The metrics, and what each tick has kept, stacked.

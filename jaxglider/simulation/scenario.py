@@ -79,12 +79,12 @@ class Scenario(Container):
         clock: tick and horizon.
         plant: the true glider.
         actuators: the true actuators.
-        disturbance: the law of the sea.
+        disturbance: external forces of the sea.
         reference: the task.
-        initial_state: where the glider starts.
+        initial_state: state of the glider at time zero.
         sensors: errors of the measurement by the name of the state, or None for none.
-        funnel: what errors are judged by, whoever steers; None for the controller's
-            own. Give one to compare controllers: each could widen its own.
+        funnel: funnel that errors are judged by, whoever steers; None for the
+            controller's own. Give one to compare controllers: each could widen its own.
         water: currents and density, or None for water at rest, the same at every depth.
 
     Raises:

@@ -20,7 +20,7 @@ class Mode:
     Attributes:
         eigenvalue: λ [1/s]; of a pair, the one with the positive imaginary part.
         lateral: share of it in the lateral states, from 0 to 1.
-        reach: for each input at its limit, |wᴴ b| with the left eigenvector w scaled to
+        reach: |wᴴ b| for each input at its limit, with the left eigenvector w scaled to
             the unit right one: how fast a jump of the input sets the mode off.
         distance: smallest singular value of [A − λ, B]: how far from uncontrollable.
     """
@@ -47,7 +47,7 @@ class Analysis:
 
     Attributes:
         modes: slowest first; depth and heading by themselves, which rest, left out.
-        rank: of the controllability matrix, by the test of each eigenvalue.
+        rank: rank of the controllability matrix, by the test of each eigenvalue.
         order: rank at which everything is controllable.
     """
 
@@ -64,9 +64,9 @@ def analyse(a: np.ndarray, b: np.ndarray, limits: np.ndarray) -> Analysis:
     """Modes and controllability.
 
     Args:
-        a: of `linearise`.
-        b: of `linearise`.
-        limits: of the three inputs [kg, m, rad].
+        a: A of `linearise`.
+        b: B of `linearise`.
+        limits: limits of the three inputs [kg, m, rad].
     """
     a, b = np.asarray(a, float), np.asarray(b, float) * np.asarray(limits, float)
     moving = [i for i, name in enumerate(STATES) if name not in ("depth", "heading")]
@@ -129,10 +129,10 @@ def zero_dynamics(
     what starts with y = y' = 0 there.
 
     Args:
-        a: of `linearise`.
-        b: of `linearise`.
+        a: A of `linearise`.
+        b: B of `linearise`.
         start: a state; what the outputs would move with is projected out.
-        times: when [s], evenly spaced.
+        times: evenly spaced times [s].
 
     Returns:
         One row a time.

@@ -84,8 +84,8 @@ class SteadyMotion(eqx.Module):
     """A steady motion and how well it is met.
 
     Attributes:
-        state: at the origin with heading zero.
-        command: that holds it.
+        state: state at the origin with heading zero.
+        command: command that holds it [kg, m, rad].
         turn_rate: ω [rad/s].
         residual: largest acceleration left over [m/s², rad/s²].
         converged: whether that is next to nothing, the glider moving forward upright.

@@ -32,7 +32,7 @@ class Member(eqx.Module):
     """One glider in one sea; an ensemble is this with a leading axis.
 
     Attributes:
-        values: of the uncertain quantities, by their paths in the scenario.
+        values: values of the uncertain quantities, by their paths in the scenario.
         key: data of the key for what is left to chance within the run.
     """
 
@@ -45,10 +45,10 @@ class Quantity:
     """One uncertain number: value = offset + scale · x, x from the distribution.
 
     Attributes:
-        name: for tables and files.
-        path: in the scenario, as `plant.parameters.drag`.
-        unit: of the value.
-        distribution: of x.
+        name: name in tables and files.
+        path: path in the scenario, as `plant.parameters.drag`.
+        unit: unit of the value.
+        distribution: distribution of x.
         scale: the nominal value where x is a factor on it, else 1.
         offset: the nominal value where x is added to it, else 0.
     """
@@ -74,9 +74,9 @@ class Group:
     """Quantities that are correlated through a Gaussian copula.
 
     Attributes:
-        name: of the group.
+        name: name of the group.
         members: names of its quantities.
-        correlation: of their normal scores.
+        correlation: correlation matrix of their normal scores.
     """
 
     name: str
@@ -90,8 +90,8 @@ class Uncertainty:
 
     Attributes:
         scenario: the nominal one; it has a place for every quantity.
-        quantities: in the order of the coordinates.
-        groups: of correlated quantities; no quantity is in two.
+        quantities: uncertain quantities in the order of the coordinates.
+        groups: groups of correlated quantities; no quantity is in two.
 
     Raises:
         ValueError: a path leads nowhere, a name occurs twice, or a correlation is none.
@@ -131,7 +131,7 @@ class Uncertainty:
         """Values of the quantities, one row a member.
 
         Args:
-            coordinates: in (0, 1), one row a member, one column a quantity.
+            coordinates: coordinates in (0, 1), one row a member, one column a quantity.
         """
         u = np.array(coordinates, np.float64)
         names = self.names()
@@ -145,7 +145,7 @@ class Uncertainty:
         """An ensemble, in the precision of the scenario.
 
         Args:
-            values: of the quantities, one row a member.
+            values: values of the quantities, one row a member.
             keys: one for each member.
         """
         kind = self.scenario.clock.dt.dtype

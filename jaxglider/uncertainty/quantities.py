@@ -45,9 +45,11 @@ def waves(
     """Amplitudes and phases of every sinusoid of the sea, each axis by itself.
 
     Args:
-        scenario: its disturbance holds the sinusoids.
-        amplitude: of the factor on the nominal amplitude, or None for nominal.
-        phase: of what is added to the nominal phase [rad], or None for nominal.
+        scenario: scenario whose disturbance holds the sinusoids.
+        amplitude: distribution of the factor on the nominal amplitude, or None for
+            nominal.
+        phase: distribution of the angle added to the nominal phase [rad], or None for
+            nominal.
     """
     found = list(_sinusoids(scenario.disturbance, "disturbance"))
     quantities = []

@@ -16,9 +16,9 @@ class Failure(Container):
     """How an actuator fails: it grows weak, or gets stuck, at a time.
 
     Attributes:
-        weak_from: from here on it reaches a share of its command only [s].
-        effectiveness: that share, in [0, 1].
-        stuck_from: from here on it stays where it is [s].
+        weak_from: time from which the actuator reaches only a share of its command [s].
+        effectiveness: share of the command that a weak actuator reaches, in [0, 1].
+        stuck_from: time from which the actuator stays where it is [s].
 
     Raises:
         ValueError: the effectiveness is outside [0, 1], or a number is not finite.
@@ -57,7 +57,7 @@ class Actuator(Container):
         limit: largest modulus of the position [kg, m or rad].
         rate_limit: largest modulus of its rate [1/s of that], or None for no limit.
         time_constant: τ [s] of the first-order lag, or None for no lag.
-        failure: how it fails, or None for never.
+        failure: way of failing, or None for never.
 
     Raises:
         ValueError: a number is not positive.
@@ -78,10 +78,10 @@ class Actuator(Container):
         """The position one tick later.
 
         Args:
-            held: position now.
-            wanted: command.
+            held: position now [kg, m or rad].
+            wanted: command of the controller [kg, m or rad].
             dt: tick [s].
-            time: now [s]; only a failure asks for it.
+            time: present time [s]; only a failure asks for it.
         """
         target = saturate(wanted, self.limit)
         if self.failure is not None:

@@ -86,7 +86,7 @@ class DesignModel(eqx.Module):
     """The control-affine model inside a controller or an observer.
 
     Attributes:
-        parameters: what the designer believes; usually not the truth.
+        parameters: parameters as the designer believes them; usually not the truth.
         actuation: family of moving-mass moments, in its control-affine form.
     """
 

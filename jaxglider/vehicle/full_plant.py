@@ -33,7 +33,7 @@ class FullPlant(AbstractPlant):
 
     Attributes:
         parameters: masses, inertias and coefficients, the sums as for small angles.
-        body: where the masses are.
+        body: places of the masses.
     """
 
     parameters: GliderParameters

@@ -22,20 +22,20 @@ class MassMatrix(eqx.Module):
         sway: m₂ [kg].
         heave: m₃ [kg].
         c01: C of surge and pitch [kg m].
-        c02: of surge and yaw.
-        c10: of sway and roll.
-        c12: of sway and yaw.
-        c20: of heave and roll.
-        c21: of heave and pitch.
+        c02: C of surge and yaw [kg m].
+        c10: C of sway and roll [kg m].
+        c12: C of sway and yaw [kg m].
+        c20: C of heave and roll [kg m].
+        c21: C of heave and pitch [kg m].
         j00: J of roll [kg m²].
-        j11: of pitch.
-        j22: of yaw.
-        j01: of roll and pitch.
-        j02: of roll and yaw.
-        j12: of pitch and yaw.
+        j11: J of pitch [kg m²].
+        j22: J of yaw [kg m²].
+        j01: J of roll and pitch [kg m²].
+        j02: J of roll and yaw [kg m²].
+        j12: J of pitch and yaw [kg m²].
         ahead: first moment of the mass along x [kg m]; its weight turns the glider.
-        aside: along y.
-        below: along z.
+        aside: first moment of the mass along y [kg m].
+        below: first moment of the mass along z [kg m].
     """
 
     surge: Scalar

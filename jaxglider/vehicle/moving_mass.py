@@ -68,8 +68,8 @@ def restoring(
     """E(η): the moment [N m] of the moving mass at rest, hanging below the axis.
 
     Args:
-        parameters: of the glider.
-        a: its attitude.
+        parameters: parameters of the glider.
+        a: attitude of the glider.
         hull_moment: m_h z_h [kg m] of a hull that hangs below the axis too.
     """
     weight_arm = parameters.gravity * (

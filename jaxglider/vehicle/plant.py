@@ -43,7 +43,7 @@ class AbstractPlant(eqx.Module):
 
         Args:
             state: NED position, Euler angles, body velocity.
-            command: what the actuators hold.
+            command: command held by the actuators [kg, m, rad].
             disturbance: τ_d, external force [N] and moment [N m], body frame.
         """
 

@@ -45,7 +45,7 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
 
     Args:
         data: parsed TOML.
-        source: where it is from, for messages.
+        source: origin of the text, for messages.
 
     Raises:
         ValueError: unknown or missing parameter, or a bad value.
