@@ -62,10 +62,10 @@ class AbstractController(Container):
         """One tick.
 
         Args:
-            state: from `init` or the previous step.
-            measurement: all that may be known of the glider.
-            reference: what it should do.
-            bounds: this controller's `bounds` at the reference's clock; handed in
+            state: state from `init` or from the previous step.
+            measurement: everything that may be known of the glider.
+            reference: wanted outputs with their rates.
+            bounds: this controller's `bounds` at the reference's clock; an argument
                 because they can often be computed for all ticks at once.
             dt: tick [s].
 
@@ -116,10 +116,10 @@ def allocate(
     """U = g⁻¹(demand − f − h d̂), with g inverted by damped least squares.
 
     Args:
-        model: what the designer believes.
-        measurement: carries d̂.
+        model: design model.
+        measurement: measurement, which carries d̂.
         demand: wanted output acceleration η'' [m/s², rad/s²].
-        damping: added to the diagonal of gᵀg, one positive number per actuator.
+        damping: terms added to the diagonal of gᵀg, one positive number per actuator.
     """
     push = map_fields(lambda d, f: d - f, demand, model.drift(measurement))
     push, gain = barrier((push, model.input_gain(measurement)))

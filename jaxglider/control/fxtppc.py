@@ -92,10 +92,10 @@ class FxTPPC(AbstractController):
     """Fixed-time prescribed performance control.
 
     Attributes:
-        model: what the designer believes.
+        model: design model, the designer's belief about the glider.
         funnel: performance functions and error transformations.
         gains: k₁, k₂, ρ, μ of each channel.
-        damping: of the allocation, one per actuator.
+        damping: damping of the allocation, one number per actuator.
         smoothing: δ of the signed powers.
         exponents: the pairing, `paper_exponents` or `tian_exponents`.
 

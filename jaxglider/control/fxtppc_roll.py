@@ -47,7 +47,7 @@ class RollAwareState(eqx.Module):
     """What is remembered from tick to tick.
 
     Attributes:
-        integral: of the surface of each channel, the law's own state.
+        integral: integral of the surface of each channel, the paper's law's own state.
         asked: U as it was asked for in the previous tick.
     """
 

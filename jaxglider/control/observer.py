@@ -62,8 +62,8 @@ class AbstractObserver(Container):
         """The observer's state one tick later.
 
         Args:
-            observer_state: from `init` or the previous step.
-            measurement: what was measured at the start of the tick.
+            observer_state: state from `init` or from the previous step.
+            measurement: measurement at the start of the tick.
             applied: command held during the tick.
             following: measured state at the end of the tick.
             dt: tick [s].
@@ -109,7 +109,7 @@ class FixedTimeObserver(AbstractObserver):
     """The fixed-time sliding-mode disturbance observer, stepped implicitly.
 
     Attributes:
-        model: what the designer believes.
+        model: design model, the designer's belief about the glider.
         proportional: ι₁ per axis.
         integral: ι₂ per axis.
         stretch: ς per axis, weight of the terms that act far from the surface.

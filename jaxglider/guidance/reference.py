@@ -44,9 +44,9 @@ class AbstractReference(Container):
         """What to do in this tick, and the reference's next state.
 
         Args:
-            state: from `init` or the previous step.
-            planned: this tick's share of `plan`.
-            measurement: what is known of the glider.
+            state: state from `init` or from the previous step.
+            planned: row of `plan` for this tick.
+            measurement: everything that is known of the glider.
             dt: tick [s].
         """
 

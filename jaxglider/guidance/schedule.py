@@ -16,10 +16,10 @@ class Segment(eqx.Module):
     """A schedule at one instant.
 
     Attributes:
-        number: of the segment.
+        number: number of the segment.
         clock: time since it began [s].
         depth: wanted depth [m].
-        depth_rate: its rate [m/s].
+        depth_rate: rate of the wanted depth [m/s].
         gliding_angle: ξ_d [rad], negative down.
         heading: ψ_d [rad].
     """
@@ -36,11 +36,11 @@ class Schedule(Container):
     """Piecewise constant gliding angle, heading and depth rate.
 
     Attributes:
-        start: when each segment begins [s]; the first at 0, increasing. The last goes
-            on for ever.
-        gliding_angle: ξ_d of each [rad], negative down.
-        heading: ψ_d of each [rad].
-        depth_rate: of each [m/s], positive down.
+        start: beginnings of the segments [s]; the first at 0, increasing. The last
+            segment goes on for ever.
+        gliding_angle: ξ_d of each segment [rad], negative down.
+        heading: ψ_d of each segment [rad].
+        depth_rate: rate of the wanted depth in each segment [m/s], positive down.
         initial_depth: wanted depth at time 0 [m].
 
     Raises:

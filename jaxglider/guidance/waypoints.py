@@ -52,10 +52,10 @@ class Leg(eqx.Module):
     """One leg of the path.
 
     Attributes:
-        north: where it begins [m].
-        east: where it begins [m].
-        cosine: of its azimuth.
-        sine: of its azimuth.
+        north: north coordinate of its beginning [m].
+        east: east coordinate of its beginning [m].
+        cosine: cosine of its azimuth.
+        sine: sine of its azimuth.
         azimuth: χ [rad].
     """
 
@@ -88,13 +88,13 @@ class WaypointPath(AbstractReference):
     Control). Depth and gliding angle follow a schedule, whose headings are not used.
 
     Attributes:
-        north: of the waypoints [m].
-        east: of the waypoints [m].
+        north: north coordinates of the waypoints [m].
+        east: east coordinates of the waypoints [m].
         line_of_sight: guidance gains.
         vertical: schedule of gliding angle and depth rate.
         radius: switching distance [m].
-        start_north: where the first leg begins [m].
-        start_east: where the first leg begins [m].
+        start_north: north coordinate of the first leg's beginning [m].
+        start_east: east coordinate of the first leg's beginning [m].
         abeam: largest distance [m] at which a waypoint counts as reached once it is
             abeam or behind, seen along its leg; None for within the radius alone.
 

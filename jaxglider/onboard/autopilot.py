@@ -64,11 +64,11 @@ class AutopilotState(eqx.Module):
 
     Attributes:
         started: a complete measurement has been seen.
-        time: what is known of the time.
+        time: reckoning of the mission time.
         silent: ticks since the last complete measurement.
         measured: last good measurement, number by number.
         attitude: sines and cosines of its Euler angles.
-        held: where the actuators are [kg, m, rad].
+        held: positions of the actuators [kg, m, rad].
         planned: last good plan.
         reference: state of the reference.
         controller: state of the controller.
@@ -96,7 +96,7 @@ class Autopilot(eqx.Module):
         reference: the task.
         actuators: limits of the actuators, and a model of where they are.
         dt: control tick [s].
-        guard: what is believed of the inputs.
+        guard: limits of believable inputs.
     """
 
     controller: AbstractController
@@ -136,11 +136,11 @@ class Autopilot(eqx.Module):
         """One control tick.
 
         Args:
-            state: from `init` or the previous tick.
+            state: state from `init` or from the previous tick.
             time: reading of the clock [s], from zero at the start of the mission.
             measured: the measurement; NaN where a number is missing (`GliderState`
                 refuses NaN where it is built: put it there with `eqx.tree_at`).
-            planned: from `plan`, or numbers of one's own.
+            planned: row of `plan`, or numbers of one's own.
 
         Returns:
             The next state, the command for the actuators and the status word.
@@ -264,7 +264,7 @@ def autopilot(loop: ClosedLoop, guard: Guard | None = None) -> Autopilot:
 
     Args:
         loop: the closed loop; vehicle, sea and sensors are left behind.
-        guard: what is believed of the inputs; the default one if None.
+        guard: limits of believable inputs; the default ones if None.
     """
     scenario = loop.scenario
     return Autopilot(

@@ -51,12 +51,12 @@ class Guard(Container):
 
     Attributes:
         position: largest modulus of north, east and depth [m].
-        angle: of roll, pitch and heading [rad].
-        speed: of surge, sway and heave [m/s].
-        turn_rate: of the body rates [rad/s].
+        angle: largest roll, pitch and heading [rad].
+        speed: largest surge, sway and heave [m/s].
+        turn_rate: largest body rates [rad/s].
         gap: longest believable time from one tick to the next [s].
-        trust: how long a clock that was set must run steadily [s].
-        patience: how long old measurements stand in for missing ones [s].
+        trust: time that a clock which was set must run steadily [s].
+        patience: time that old measurements stand in for missing ones [s].
         safe: command taken then, and before the first measurement.
 
     Raises:
@@ -108,11 +108,11 @@ def mission_time(
     """Mission time, and what is to be said of the clock.
 
     Args:
-        guard: what is believed.
+        guard: limits of believable inputs.
         dt: control tick [s].
-        old: of the previous tick.
+        old: reckoning of the previous tick.
         running: a measurement has been seen.
-        reading: of the clock [s].
+        reading: reading of the clock [s].
     """
     gap = guard.gap
     finite = (reading >= 0.0) & (reading <= SOUND)

@@ -60,8 +60,8 @@ class ChildProcess:
     """A running controller program.
 
     Attributes:
-        statuses: how many ticks had each status word that is not zero.
-        failure: what went wrong, if anything has.
+        statuses: number of ticks with each status word that is not zero.
+        failure: account of the failure, if there was one.
     """
 
     def __init__(self, command: Sequence[str], dt: float, timeout: float = TIMEOUT):
@@ -70,7 +70,7 @@ class ChildProcess:
         Args:
             command: the program and its arguments.
             dt: control tick [s].
-            timeout: how long an answer may take [s].
+            timeout: longest wait for an answer [s].
 
         Raises:
             PipeError: it cannot be started, refuses, or does not answer.
@@ -202,7 +202,7 @@ class PipeController(AbstractController):
     A program has a memory of its own: run it once, tick after tick, not under `vmap`.
 
     Attributes:
-        funnel: what its errors are judged by, or None.
+        funnel: funnel that errors are judged by, or None.
         peer: the program.
     """
 
