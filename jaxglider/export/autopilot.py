@@ -59,9 +59,9 @@ class Source:
     Attributes:
         header: text of the header.
         source: text of the source.
-        functions: by name.
+        functions: C functions by name.
         shared: functions that these call.
-        structures: by name.
+        structures: C structures by name.
     """
 
     header: str
@@ -75,7 +75,7 @@ def autopilot_source(pilot: Autopilot, about: str) -> Source:
     """The autopilot as glider.h and glider.c.
 
     Args:
-        pilot: what runs on board, in double precision.
+        pilot: autopilot that runs on board, in double precision.
         about: a line for the head of the files.
 
     Raises:
@@ -214,11 +214,11 @@ def header_text(
     """The text of a header.
 
     Args:
-        stem: of the file's name.
+        stem: stem of the file's name.
         about: a line for its head.
         made: structures, the one of the parameters among them.
-        functions: by name.
-        middle: what comes before the structures.
+        functions: C functions by name.
+        middle: text that comes before the structures.
     """
     guard = f"{stem.upper()}_H"
     structures = "\n".join(s.declaration() for s in made.values())
@@ -245,10 +245,10 @@ def source_text(
     """The text of a source file; arguments as for `header_text`.
 
     Args:
-        stem: of the file's name.
+        stem: stem of the file's name.
         about: a line for its head.
         parameters: pytree of the constants.
-        functions: by name.
+        functions: C functions by name.
         shared: functions that these call.
     """
     constants = constants_text(f"{stem}_parameters", CONSTANTS[stem], parameters)

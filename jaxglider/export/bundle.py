@@ -36,7 +36,7 @@ class Bundle:
 
     Attributes:
         files: texts by name, relative to the folder.
-        cost: what a tick takes.
+        cost: operations and bytes of a tick.
     """
 
     files: dict[str, str]
@@ -57,8 +57,8 @@ def export_c(loop: ClosedLoop, title: str, guard: Guard | None = None) -> Bundle
 
     Args:
         loop: the closed loop, in double precision.
-        title: what it is, for the head of the files.
-        guard: what is believed of the inputs; the default one if None.
+        title: name of the controller, for the head of the files.
+        guard: limits of believable inputs; the default ones if None.
 
     Raises:
         ExportError: the controller, observer or reference uses a primitive that has no
@@ -94,8 +94,8 @@ def vector_files(
 
     Args:
         loop: the closed loop.
-        source: its autopilot in C.
-        guard: of the autopilot.
+        source: autopilot in C.
+        guard: limits of the autopilot's believable inputs.
 
     Returns:
         Texts by name, and how many rows of each can be compared in either precision.
@@ -154,9 +154,9 @@ def _comparable(
     Some loops are chaotic, and no code but the very same reproduces them for long.
 
     Args:
-        name: of the file.
+        name: name of the file.
         runs: the run, and those of `_alike`.
-        least: what a difference is relative to where the number itself is small.
+        least: scale of a difference where the number itself is smaller.
     """
     counts = {}
     for precision, run, allowed in zip(

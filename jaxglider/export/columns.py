@@ -19,7 +19,7 @@ def columns_text(
         source: the autopilot.
         plant: the simulated glider.
         about: a line for the head of the file.
-        rows: how many rows of each file can be compared, by name.
+        rows: number of comparable rows of each file, by name.
     """
     made = source.structures
     counts = {

@@ -55,9 +55,10 @@ class Cost:
     """What one tick costs, plan and step together.
 
     Attributes:
-        operations: how many of each kind.
-        state_bytes: of the state in single and double precision.
-        constant_bytes: of gains and other constants, likewise.
+        operations: number of operations of each kind.
+        state_bytes: bytes of the state in single and double precision.
+        constant_bytes: bytes of gains and other constants in single and double
+            precision.
         microseconds: estimated at 100 MHz, likewise; see the module's text.
     """
 

@@ -42,7 +42,7 @@ class PlantState(eqx.Module):
     """The simulated glider between two ticks.
 
     Attributes:
-        held: where the actuators are [kg, m, rad].
+        held: positions of the actuators [kg, m, rad].
         time: since the start [s].
     """
 
@@ -141,11 +141,11 @@ def drift(
     """The glider one tick later, under a constant force.
 
     Args:
-        loop: which glider.
-        truth: its numbers, from `truth_of`.
-        now: where it is.
+        loop: closed loop with the glider.
+        truth: numbers of the glider, from `truth_of`.
+        now: state of the glider and of its actuators.
         wanted: command given to the actuators.
-        force: on it [N, N m].
+        force: constant force on it [N, N m], body frame.
     """
     clock = dataclasses.replace(loop.scenario.clock, dt=truth.dt)
     scenario = dataclasses.replace(

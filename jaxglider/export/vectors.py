@@ -27,9 +27,9 @@ class TickLog(eqx.Module):
     Attributes:
         time: reading of the clock [s].
         measured: measurement.
-        planned: what the task asks for.
-        command: what the autopilot commands.
-        status: its status word.
+        planned: plan of the reference.
+        command: command of the autopilot [kg, m, rad].
+        status: status word of the autopilot.
         segment: sum of the numbers of segment and waypoint: it changes where a funnel
             restarts.
     """
@@ -80,7 +80,7 @@ def fly(
 
     Args:
         pilot: the autopilot.
-        loop: gives the glider.
+        loop: closed loop with the glider.
         forces: external force of each tick, constant within it [N, N m].
 
     Returns:
@@ -107,8 +107,8 @@ def sea(loop: ClosedLoop, ticks: int, hold: int = 1) -> BodyAxes[Series]:
     """The force on each tick, that of the mission held constant over some ticks.
 
     Args:
-        loop: gives the disturbance, drawn with seed 0.
-        ticks: how many.
+        loop: closed loop with the disturbance, drawn with seed 0.
+        ticks: number of ticks.
         hold: ticks over which the force is constant.
     """
     clock = dataclasses.replace(loop.scenario.clock, ticks=ticks)
@@ -121,7 +121,7 @@ def window(seen: TickLog, ticks: int) -> slice:
 
     Args:
         seen: a run.
-        ticks: how many.
+        ticks: number of ticks.
     """
     last = seen.time.shape[0] - ticks
     restarts = np.flatnonzero(np.diff(np.asarray(seen.segment)))
@@ -138,7 +138,7 @@ def broken(
     Args:
         times: readings of the clock [s].
         measured: measurements, with a leading time axis.
-        seed: of the faults.
+        seed: seed of the faults.
     """
     draw = np.random.default_rng(seed)
     count = len(times)

@@ -53,7 +53,7 @@ def encode(thing: eqx.Module, channel: str = "") -> dict[str, Any]:
     """A controller, an observer or a part of one as nested tables of plain numbers.
 
     Args:
-        thing: what to encode; its design model is left out.
+        thing: object to encode; its design model is left out.
         channel: name of the enclosing channel, which some units depend on.
     """
     table: dict[str, Any] = {}
@@ -81,9 +81,10 @@ def decode(
     """A copy of the template with the numbers of a table.
 
     Args:
-        template: of the kind wanted, with the values for what the table leaves out.
+        template: object of the kind wanted, with the values for everything that the
+            table leaves out.
         table: nested tables, as `encode` makes them.
-        path: of the table in its file, for messages.
+        path: path of the table in its file, for messages.
         channel: name of the enclosing channel.
         wanted: type of the field it is for; a `type` of another kind is refused.
 

@@ -29,8 +29,8 @@ class LoadedGains(NamedTuple):
 
     Attributes:
         kind: name of the controller's kind.
-        controller: with its gains.
-        observer: likewise.
+        controller: controller with its gains.
+        observer: observer with its gains.
         guidance: gains of the line of sight, or None where the file has none.
     """
 
@@ -69,7 +69,7 @@ def load_gains(path: str | Path, scenario: str, model: Any) -> LoadedGains:
     """Read a gains file.
 
     Args:
-        path: of the file, as `jaxglider tune` writes it.
+        path: path of the file, as `jaxglider tune` writes it.
         scenario: `switching` or `waypoints`, for what the file leaves out.
         model: design model.
 
@@ -115,10 +115,11 @@ def decode_observer(table: Any, controller: str, model: Any, given: Any = None) 
     """The observer a table asks for.
 
     Args:
-        table: what the file says of it.
+        table: table of the observer in the file.
         controller: kind of the controller.
         model: design model.
-        given: what the table overrides; the paper's for its controller by default.
+        given: observer whose values the table overrides; the paper's for its controller
+            by default.
     """
     if given is None:
         given = paper.make_observer(controller, model)

@@ -41,9 +41,9 @@ class Mission:
     """What a mission file asks for.
 
     Attributes:
-        name: of the mission.
+        name: name of the mission.
         loop: the closed loop.
-        seed: of the sea.
+        seed: seed of the sea.
         controller: name of its kind.
         plant: name of its kind.
     """

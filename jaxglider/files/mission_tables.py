@@ -208,7 +208,7 @@ def read_reference(table: TomlTable, guidance: LineOfSight) -> AbstractReference
     """The task: a schedule or a waypoint path.
 
     Args:
-        table: of the file.
+        table: table of the file.
         guidance: gains of a path that gives none of its own.
     """
     kind = table.text("type", "schedule")

@@ -44,7 +44,7 @@ def metrics_dict(metrics: Metrics, *, has_waypoints: bool) -> dict[str, Any]:
     read as perfect.
 
     Args:
-        metrics: of one run.
+        metrics: metrics of one run.
         has_waypoints: whether the reference was a waypoint path.
     """
     channels = {
@@ -78,7 +78,7 @@ def write_trajectories(
     a mission has ended.
 
     Args:
-        path: of the file.
+        path: path of the file.
         runs: trajectories by label; all with the same tick.
         about: provenance, kept as a JSON attribute.
 

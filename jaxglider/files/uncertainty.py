@@ -48,7 +48,7 @@ def load_uncertainty(path: str | Path, scenario: Scenario) -> Uncertainty:
     """Read an uncertainty file.
 
     Args:
-        path: of the file.
+        path: path of the file.
         scenario: the nominal one.
 
     Raises:

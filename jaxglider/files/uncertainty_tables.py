@@ -30,9 +30,10 @@ def read_distribution(
 
     Args:
         given: the table or number.
-        where: its path in the file, for messages.
-        centre: of a law that does not say where it lies; None where it must.
-        unit: what its numbers are multiplied by.
+        where: path of the table in the file, for messages.
+        centre: centre of a distribution that does not say where it lies; None where it
+            must.
+        unit: factor from the file's unit to SI.
 
     Raises:
         ConfigError: names the key, the rule and the value.

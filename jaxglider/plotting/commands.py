@@ -33,7 +33,7 @@ def commands(
     Args:
         axes: three, for buoyancy mass, position and angle of the moving mass.
         runs: label to trajectory.
-        actuators: those of the scenario; their limits are drawn.
+        actuators: actuators of the scenario; their limits are drawn.
     """
     panels = flat(axes, 3, "commands")
     ticks = {label: active_ticks(run) for label, run in runs.items()}

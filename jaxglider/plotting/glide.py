@@ -37,7 +37,7 @@ def polar(
     """Depth rate against horizontal speed of all straight glides.
 
     Args:
-        axis: to draw on.
+        axis: axes to draw on.
         plant: the glider.
         buoyancy: masses [kg], one line for dives and one for climbs with each.
         motion: marked by a dot.
@@ -141,12 +141,12 @@ def save_glide(
     """Write the figure of a steady motion.
 
     Args:
-        path: of the file.
-        vehicle: whose limits scale the polar.
+        path: path of the file.
+        vehicle: vehicle whose limits scale the polar.
         plant: the glider.
         motion: the steady motion.
-        analysis: of its linearisation.
-        name: of the plant.
+        analysis: analysis of its linearisation.
+        name: name of the plant.
     """
     limit = float(vehicle.limits.buoyancy_mass)
     with look():

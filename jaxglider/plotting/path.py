@@ -28,9 +28,9 @@ def path_plan(
     """The way seen from above, east to the right and north up, to one scale.
 
     Args:
-        axes: to draw on.
+        axes: axes to draw on.
         runs: label to trajectory.
-        path: its waypoints, legs and switching circles are drawn too.
+        path: course, drawn with its waypoints, legs and switching circles.
     """
     look = styles(runs)
     if path is not None:
@@ -55,9 +55,9 @@ def path_3d(
     Waypoints have no depth of their own: each is a pole under its switching circle.
 
     Args:
-        axes: made with `projection="3d"`.
+        axes: axes made with `projection="3d"`.
         runs: label to trajectory.
-        path: its waypoints and switching circles are drawn too.
+        path: course, drawn with its waypoints and switching circles.
     """
     look = styles(runs)
     ways = {label: _way(active_ticks(run)) for label, run in runs.items()}

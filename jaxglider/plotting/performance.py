@@ -26,9 +26,9 @@ def performance_functions(
     A dot marks where each one settles.
 
     Args:
-        axes: to draw on.
+        axes: axes to draw on.
         functions: label to performance function; settling times may differ.
-        duration: of the time axis [s].
+        duration: length of the time axis [s].
     """
     time = np.linspace(0.0, duration, _POINTS)
     for (label, function), style in zip(

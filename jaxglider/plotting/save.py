@@ -46,7 +46,7 @@ def figures(
     """Name and figure, one at a time, sized for a journal.
 
     Args:
-        scenario: that of all the runs.
+        scenario: scenario of all the runs.
         runs: label to trajectory.
         functions: performance functions to compare; the published forms by default.
     """
@@ -66,8 +66,8 @@ def save_all(
     """Write every figure; a file appears under its name only when it is complete.
 
     Args:
-        folder: made if it is not there.
-        scenario: that of all the runs.
+        folder: folder, made if it is not there.
+        scenario: scenario of all the runs.
         runs: label to trajectory.
         formats: file endings that Matplotlib knows.
         functions: performance functions to compare; the published forms by default.
@@ -89,8 +89,8 @@ def save(figure: Figure, path: Path) -> Path:
     """Write one figure to a temporary name beside its own, then rename it.
 
     Args:
-        figure: to write.
-        path: of the file; its ending is the format.
+        figure: figure to write.
+        path: path of the file; its ending is the format.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:

@@ -66,7 +66,7 @@ def keep_extremes(*columns: np.ndarray, points: int = MAX_POINTS) -> np.ndarray:
 
     Args:
         columns: one line's coordinates, of one length.
-        points: about how many samples to keep at most.
+        points: approximate number of samples to keep at most.
     """
     length = len(columns[0])
     if length <= points:
@@ -94,9 +94,9 @@ def break_jumps(
     """The line with a gap wherever it jumps further than `jump`, as wrapped angles do.
 
     Args:
-        time: of the samples [s].
+        time: times of the samples [s].
         values: one per time.
-        jump: in the unit of the values.
+        jump: smallest jump, in the unit of the values.
     """
     with np.errstate(invalid="ignore"):
         after = np.flatnonzero(np.abs(np.diff(values)) > jump) + 1
@@ -107,8 +107,8 @@ def curve(axis: Axes, time: np.ndarray, values: np.ndarray, **line: Any) -> Line
     """Draw a line of few points; a cross marks where the run stopped being finite.
 
     Args:
-        axis: to draw on.
-        time: of the samples [s].
+        axis: axes to draw on.
+        time: times of the samples [s].
         values: one per time, NaN where unknown.
         line: properties for Matplotlib.
     """

@@ -58,7 +58,7 @@ class Style(NamedTuple):
     """How the lines of one run are drawn.
 
     Attributes:
-        colour: of its lines.
+        colour: colour of its lines.
         dashes: line style of Matplotlib.
     """
 
@@ -114,8 +114,8 @@ def new_figure(width: float, height: float) -> Figure:
     """An empty figure that needs no display and belongs to no global state.
 
     Args:
-        width: of the figure [in].
-        height: of the figure [in].
+        width: width of the figure [in].
+        height: height of the figure [in].
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
@@ -154,7 +154,7 @@ def legend_above(
 
     Args:
         axis: the legend ends at its right edge and may spread to the left of it.
-        handles: with labels, in reading order.
+        handles: handles with labels, in reading order.
         beside: other axes of the row; the legend rises above the notes on these too.
     """
     size = FontProperties(size=matplotlib.rcParams["legend.fontsize"])
@@ -205,10 +205,10 @@ def off_scale(axis: Axes, low: float, high: float, what: str) -> None:
     """Show a part of the range only, and say above the frame what is not shown.
 
     Args:
-        axis: its vertical range is set.
+        axis: axes whose vertical range is set.
         low: end of the range.
         high: other end.
-        what: is cut off.
+        what: name of the lines that are cut off.
     """
     axis.set_ylim(low, high)
     axis.set_title(what, loc="right", pad=3.0)

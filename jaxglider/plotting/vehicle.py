@@ -41,9 +41,9 @@ def disturbance_estimate(
 
     Args:
         axes: six, for surge, sway, heave, roll, pitch and yaw.
-        run: of one controller.
-        label: of the controller, for the legend.
-        colour: of the estimate.
+        run: run of one controller.
+        label: label of the controller, for the legend.
+        colour: colour of the estimate.
     """
     panels = flat(axes, len(_AXES), "disturbance_estimate")
     ticks = active_ticks(run)
@@ -69,8 +69,8 @@ def vehicle_state(axes: Any, run: Trajectory, colour: str = _BLUE) -> Any:
 
     Args:
         axes: fifteen, five rows of three.
-        run: of one controller.
-        colour: of the lines.
+        run: run of one controller.
+        colour: colour of the lines.
     """
     panels = flat(axes, STATE_PANELS, "vehicle_state")
     ticks = active_ticks(run)

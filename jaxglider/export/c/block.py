@@ -32,8 +32,8 @@ class Number:
     Attributes:
         kind: one of `C_TYPES`.
         text: a name or a literal.
-        varies: it depends on a state or an input, not on parameters alone.
-        value: what it is, where that is known now.
+        varies: flag, it depends on a state or an input, not on parameters alone.
+        value: value of the number, where that is known now.
     """
 
     kind: str
@@ -50,8 +50,8 @@ class Statement:
         defines: names and kinds.
         text: the line, without its indentation.
         uses: names it needs.
-        operation: what it does, for the count of operations.
-        varies: see `Number`.
+        operation: kind of operation, for their count.
+        varies: flag as in `Number`.
     """
 
     defines: tuple[tuple[str, str], ...]
@@ -66,7 +66,7 @@ class Block:
 
     Attributes:
         of_one_precision: the function is written once for each floating format.
-        statements: so far.
+        statements: statements so far.
     """
 
     def __init__(self, *, of_one_precision: bool = False) -> None:
@@ -80,10 +80,10 @@ class Block:
         """A new scalar from an expression, or the one that already has it.
 
         Args:
-            kind: of the result.
+            kind: kind of the result.
             text: the expression, its operands already in it.
-            operands: what it is computed from.
-            operation: what it does.
+            operands: numbers that it is computed from.
+            operation: kind of operation.
         """
         key = (kind, text)
         if key not in self._seen:

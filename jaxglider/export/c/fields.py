@@ -69,10 +69,10 @@ class Field:
     """One leaf of a pytree.
 
     Attributes:
-        name: of the field in C.
-        kind: of its scalars.
-        shape: of the leaf.
-        comment: what it is.
+        name: name of the field in C.
+        kind: kind of its scalars.
+        shape: shape of the leaf.
+        comment: meaning and unit of the field.
     """
 
     name: str

@@ -261,9 +261,9 @@ def outlined(name: str, closed: ClosedJaxpr, functions: Functions | None) -> Out
     """A function of its own for a jaxpr of scalars.
 
     Args:
-        name: of the function.
-        closed: its trace.
-        functions: those of the file; None for a function of one precision, which
+        name: name of the function.
+        closed: trace of the function.
+        functions: functions of the file; None for a function of one precision, which
             calls no other.
     """
     block = Block(of_one_precision=functions is None)
@@ -284,10 +284,10 @@ def lower(
     """Write the statements of a function of pytrees.
 
     Args:
-        block: where they go.
+        block: block that takes the statements.
         function: pure and traceable.
         arguments: examples of what it takes.
-        numbers: for each leaf of the arguments, its scalars in C.
+        numbers: scalars in C for each leaf of the arguments.
         functions: shared with the other functions of the file.
 
     Returns:

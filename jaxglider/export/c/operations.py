@@ -57,11 +57,11 @@ def apply(
     """One primitive on scalars.
 
     Args:
-        block: where statements go.
-        name: of the primitive.
-        operands: its scalars.
-        kind: of the result.
-        params: of the primitive.
+        block: block that takes the statements.
+        name: name of the primitive.
+        operands: scalars of its operands.
+        kind: kind of the result.
+        params: parameters of the primitive.
 
     Raises:
         ExportError: the primitive has no form in C here.

@@ -21,10 +21,10 @@ class Outlined:
     """A C function of scalars that writes its results to addresses.
 
     Attributes:
-        name: of the function.
+        name: name of the function.
         arguments: kinds of its arguments.
-        results: its results.
-        block: its statements.
+        results: numbers that it returns.
+        block: statements of its body.
     """
 
     name: str

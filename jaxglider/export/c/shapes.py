@@ -60,10 +60,10 @@ def rearranged(
     """The result of a primitive that only moves numbers, or None for any other.
 
     Args:
-        name: of the primitive.
-        x: its operands.
-        shape: of its result.
-        params: of the primitive.
+        name: name of the primitive.
+        x: operands of the primitive.
+        shape: shape of its result.
+        params: parameters of the primitive.
     """
     if name in ("reshape", "squeeze", "expand_dims"):
         return x[0].reshape(shape)

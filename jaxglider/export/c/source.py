@@ -21,8 +21,8 @@ class Structure:
     """A structure of C for a pytree.
 
     Attributes:
-        name: of the type.
-        summary: what it is.
+        name: name of the type.
+        summary: sentence that describes it.
         example: the pytree.
         hidden: parts of it whose names are left out.
     """
@@ -60,10 +60,10 @@ class Argument:
     """An argument of a C function: the address of a structure.
 
     Attributes:
-        name: of the argument.
-        structure: what it points at.
-        reads: it is an argument of the function that is traced.
-        writes: it takes one of that function's results.
+        name: name of the argument.
+        structure: structure it points at.
+        reads: flag, it is an argument of the function that is traced.
+        writes: flag, it takes one of that function's results.
     """
 
     name: str
@@ -77,10 +77,10 @@ class Written:
     """A C function.
 
     Attributes:
-        prototype: without the semicolon.
-        summary: what it does.
+        prototype: prototype without the semicolon.
+        summary: sentence that describes it.
         text: the whole of it.
-        statements: those it needs.
+        statements: statements that it needs.
     """
 
     prototype: str
@@ -100,12 +100,12 @@ def write_function(
     """A C function from a pure one.
 
     Args:
-        name: of the C function.
-        summary: what it does.
+        name: name of the C function.
+        summary: sentence that describes it.
         function: takes the parameters and every argument that is read, in order;
             returns a tuple with a result for every argument that is written.
         parameters: name of the constant structure, and its pytree.
-        arguments: of the C function.
+        arguments: arguments of the C function.
         functions: shared with the other functions of the file.
     """
     block = Block()
