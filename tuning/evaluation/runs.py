@@ -62,8 +62,8 @@ def run_all(entries: list[PlannedRun], seed: int) -> tuple[list[FinishedRun], bo
     """Run the entries one after the other; an interruption keeps what is done.
 
     Args:
-        entries: what to run.
-        seed: of the sea, the same for all.
+        entries: runs to make.
+        seed: seed of the sea, one for all.
 
     Returns:
         The runs made, and whether they were interrupted.

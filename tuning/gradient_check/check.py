@@ -41,7 +41,7 @@ class GradientReport:
     """What a check found. Arrays run over the gains last; k steps, m copies.
 
     Attributes:
-        names: of the gains.
+        names: names of the gains.
         free: the free numbers x at which the gradient was checked.
         scale: natural scale of each free number.
         value: J(x).
@@ -55,7 +55,7 @@ class GradientReport:
         copies: gradients at copies of x scattered around it, m rows.
         saturated: share of ticks in saturation of the gain's channel; NaN if not given.
         kinds: verdict of each gain in a word.
-        verdicts: the same in a sentence.
+        verdicts: verdicts of the comparisons, each a sentence.
     """
 
     names: tuple[str, ...]
@@ -123,15 +123,15 @@ def check_gradient(
     Args:
         loss: J of the free numbers; pure.
         free: the free numbers.
-        names: of the gains; a channel or actuator in its dotted path relates it to
-            `saturated`, and a gain without one counts as free of saturation as the
+        names: names of the gains; a channel or actuator in its dotted path relates it
+            to `saturated`, and a gain without one counts as free of saturation as the
             freest channel.
         steps: relative steps, in `scale`.
         relative_tolerance: largest relative error of an exact derivative.
         scale: natural scale of a free number, one or one for each; 1 suits logarithms,
             where a step of 0.01 is one percent of the gain.
         saturated: share of ticks in saturation by channel; see `saturation`.
-        copies: how many scattered copies to take the gradient at as well.
+        copies: number of scattered copies to take the gradient at as well.
         spread: standard deviation of the copies, in `scale`.
         block: points per block of the batched loss; lower it where one loss is already
             an ensemble.
@@ -212,7 +212,7 @@ def saturation(metrics: Metrics) -> dict[str, float]:
     """Share of ticks in saturation by channel, the mean over members if there are any.
 
     Args:
-        metrics: of one run or of an ensemble.
+        metrics: metrics of one run or of an ensemble.
     """
     return {
         channel: float(np.mean(getattr(metrics.channels, channel).time_saturated))

@@ -19,11 +19,11 @@ class Comparison:
     """Value and gradient of several losses at one point, a row for each.
 
     Attributes:
-        what: of what the losses differ, with its unit.
+        what: number in which the losses differ, with its unit.
         at: horizon [s] or smoothing width of each loss, rising.
         values: J.
-        gradients: of J, per unit of each free number.
-        verdict: what follows from them, in a sentence.
+        gradients: gradients of J, per unit of each free number.
+        verdict: conclusion in a sentence.
     """
 
     what: str

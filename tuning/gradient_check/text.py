@@ -15,7 +15,7 @@ def render(report: GradientReport) -> str:
     """The report as a text table.
 
     Args:
-        report: from `check_gradient`.
+        report: report of `check_gradient`.
     """
     shown = [k for k, h in enumerate(report.steps) if h >= REALISTIC]
     titles = ["gradient", "error", *(percent(report.steps[k]) for k in shown)]

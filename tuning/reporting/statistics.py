@@ -63,9 +63,9 @@ def quantile(values: np.ndarray, share: float, level: float = LEVEL) -> dict[str
     law of how many of n values lie below q. An end that n is too small for is None.
 
     Args:
-        values: may be infinite.
-        share: of the values below, in (0, 1).
-        level: of confidence.
+        values: values, which may be infinite.
+        share: share of the values below the quantile, in (0, 1).
+        level: level of confidence.
     """
     ordered, n = np.sort(values), len(values)
     tail = (1.0 - level) / 2.0
@@ -104,9 +104,9 @@ def cvar(
     run is among the worst share: the mean is infinite.
 
     Args:
-        values: may be infinite.
-        share: of the values that count.
-        level: of confidence.
+        values: values, which may be infinite.
+        share: share of the values that count.
+        level: level of confidence.
     """
     n = len(values)
     q = np.sort(values)[max(math.ceil((1.0 - share) * n), 1) - 1]
@@ -141,8 +141,8 @@ def paired_difference(first: np.ndarray, second: np.ndarray) -> dict[str, Any]:
     is over all, a failed run losing against one that did not fail.
 
     Args:
-        first: of each member, infinite where it failed.
-        second: likewise.
+        first: value of each member, infinite where it failed.
+        second: second value of each member, infinite where it failed.
     """
     usable = np.isfinite(first) & np.isfinite(second)
     difference = second[usable] - first[usable]
@@ -171,8 +171,8 @@ def discordant(first: np.ndarray, second: np.ndarray) -> dict[str, Any]:
     """Events of two sets of gains on the same members: McNemar's exact test.
 
     Args:
-        first: whether it happened, for each member.
-        second: likewise.
+        first: flag of each member, the event happened with the first set.
+        second: flag of each member, the event happened with the second set.
     """
     only_first = int(np.sum(first & ~second))
     only_second = int(np.sum(~first & second))

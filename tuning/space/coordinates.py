@@ -51,8 +51,8 @@ class Coordinate:
 
     Attributes:
         path: dotted, from the closed loop.
-        bijection: between the number and its free number.
-        edge: of its set.
+        bijection: bijection between the number and its free number.
+        edge: edge of its set.
         partner: path of the number its edge depends on, if any.
     """
 
@@ -67,12 +67,12 @@ class Pair:
     """Two numbers that a constraint couples.
 
     Attributes:
-        constraint: its name.
+        constraint: name of the constraint.
         first: path of the number whose edge depends on the second only if the second
             is fixed (k₁, ι₁).
         second: path of the number whose edge depends on the first (k₂, ι₂).
-        first_kind: how the first is kept inside, given a fixed second.
-        first_edge: its edge.
+        first_kind: bijection that keeps the first inside, given a fixed second.
+        first_edge: edge of the first number's set.
         second_edge: edge of the second, which is above it.
     """
 
@@ -118,7 +118,7 @@ def pairs(loop: ClosedLoop, bounds: BodyAxes[Any] | None) -> Iterator[Pair]:
 
     Args:
         loop: the closed loop.
-        bounds: on the rate of the disturbance of each axis [N/s, N m/s].
+        bounds: bounds on the rate of the disturbance of each axis [N/s, N m/s].
     """
     for path, (owner, name) in _owners(loop).items():
         base = path.rpartition(".")[0]

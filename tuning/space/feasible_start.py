@@ -26,7 +26,7 @@ def start_inside(
 
     Args:
         loop: concrete, not traced.
-        coordinates: of the numbers.
+        coordinates: coordinates of the numbers.
 
     Raises:
         ValueError: a number that cannot be moved into its set.
@@ -74,9 +74,9 @@ def left_broken(
     """Notes on the coupled sets that the start is outside of and that are not held.
 
     Args:
-        loop: where the search starts.
+        loop: closed loop that the search starts from.
         known: all pairs.
-        held: those that are held.
+        held: constraints that are held.
         names: paths of the tuned numbers.
     """
     notes = []
@@ -137,9 +137,9 @@ def nearest_above(
     that is refined around its best point, because the set need not be convex.
 
     Args:
-        edge: of the gain, given its partner.
-        partner: where it starts.
-        gain: where it starts, below the edge.
+        edge: edge of the gain, given its partner.
+        partner: starting value of the partner.
+        gain: starting value of the gain, below the edge.
         step: share of the edge by which to clear it.
 
     Returns:

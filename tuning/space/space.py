@@ -71,10 +71,11 @@ class Space:
         """The space of the numbers at some paths of a closed loop.
 
         Args:
-            loop: where the search starts.
+            loop: closed loop that the search starts from.
             paths: dotted paths from the closed loop; see `tunable_paths`.
             constraints: names of the coupled sets to hold.
-            disturbance_rate_bound: of each axis [N/s, N m/s], for `observer-set`.
+            disturbance_rate_bound: bound on the rate of each axis' disturbance [N/s, N
+                m/s], for `observer-set`.
 
         Raises:
             ValueError: an unknown path or constraint, a bound that is missing, not

@@ -29,8 +29,8 @@ def gradient_scores(
     """Median of |∂f/∂x_j| σ_j over members, for the error of each channel.
 
     Args:
-        campaign: its first members are taken.
-        number: of the set of gains.
+        campaign: campaign whose first members are taken.
+        number: number of the set of gains.
         count: members of the campaign.
 
     Returns:

@@ -44,7 +44,7 @@ def rank_correlations(values: np.ndarray, result: np.ndarray) -> dict[str, Any]:
 
     Args:
         values: one row a member, one column an uncertain number.
-        result: of each member.
+        result: result of each member.
 
     Returns:
         `rho`, `low` and `high`, one number a column; zero where nothing varies.
@@ -68,9 +68,9 @@ def drivers(table: Rows, names: tuple[str, ...], number: int) -> dict[str, Any]:
     """The rank correlations with each output, largest modulus first.
 
     Args:
-        table: of the campaign.
-        names: of the uncertain numbers.
-        number: of the set of gains.
+        table: rows of the campaign.
+        names: names of the uncertain numbers.
+        number: number of the set of gains.
     """
     found = {}
     values = np.array(table.rows["values"])

@@ -35,8 +35,8 @@ class Requirement:
     """One inequality.
 
     Attributes:
-        text: as it was given.
-        label: of the set of gains it is asked of; empty for all.
+        text: text of the requirement as the user wrote it.
+        label: label of the set of gains it is asked of; empty for all.
         quantity: a probability, or a measure with a statistic.
         comparison: the sign.
         limit: the number.
@@ -52,8 +52,8 @@ class Requirement:
         """Refuse what no campaign of these could say.
 
         Args:
-            labels: of the sets of gains.
-            measures: that are summarised.
+            labels: labels of the sets of gains.
+            measures: names of the measures that are summarised.
 
         Raises:
             ValueError: there is no such set of gains or measure.
@@ -74,7 +74,7 @@ class Requirement:
         """The verdict for each set of gains it is asked of.
 
         Args:
-            controllers: of the summary.
+            controllers: part of the summary about each controller.
         """
         chosen = [self.label] if self.label else list(controllers)
         return [self._judge(label, controllers[label]) for label in chosen]

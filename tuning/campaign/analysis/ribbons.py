@@ -27,9 +27,9 @@ class Ribbons:
     """Errors of some members over time.
 
     Attributes:
-        time: of the points [s].
-        errors: of each channel [m, rad], one row a member; NaN after a course has
-            ended and where a run is not finite.
+        time: times of the points [s].
+        errors: errors of each channel [m, rad], one row a member; NaN after a course
+            has ended and where a run is not finite.
         edges: lower and upper edge of the funnel of each channel, of the worst member.
         worst: errors of the worst member.
     """
@@ -44,8 +44,8 @@ def ribbons(campaign: Campaign, number: int, count: int, worst: int) -> Ribbons:
     """Run members again and keep their errors.
 
     Args:
-        campaign: they belong to.
-        number: of the set of gains.
+        campaign: campaign they belong to.
+        number: number of the set of gains.
         count: members of the campaign; its first ones are taken.
         worst: number of the worst one.
     """

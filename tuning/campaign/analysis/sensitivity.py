@@ -48,12 +48,12 @@ def run_blocks(
     """Run what is not yet run of the blocks, and return their rows.
 
     Args:
-        campaign: whose members they are like.
-        blocks: how many.
-        engine: makes the engine.
-        path: of the file that keeps the rows.
+        campaign: campaign whose members they are like.
+        blocks: number of blocks.
+        engine: maker of the engine.
+        path: path of the file that keeps the rows.
         kind: type of the rows.
-        progress: told how many runs are done, and of how many.
+        progress: callback with the numbers of runs done and of all runs.
 
     Raises:
         OSError: the rows cannot be written.
@@ -80,8 +80,8 @@ def sensitivities(
     """Add to the summary what each set of gains answers to.
 
     Args:
-        campaign: it is about.
-        blocks: of the runs for Sobol indices.
+        campaign: campaign they are about.
+        blocks: number of blocks of the runs for Sobol indices.
         table: rows of the campaign.
         runs: rows of the blocks.
         summary: holds the rank correlations already.
@@ -132,7 +132,7 @@ def agreement(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """How far the ways agree on the order of the factors, and where they do not.
 
     Args:
-        rows: of the factors; those are compared that all ways know of.
+        rows: scores of the factors; those are compared that all ways know of.
 
     Returns:
         `agreement`, Spearman's correlation of the scores of each two ways, and

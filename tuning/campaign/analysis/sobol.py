@@ -29,8 +29,8 @@ class Saltelli(AbstractSampler):
     """Blocks of 2 + k rows: A_i, B_i, then A_i with column j of B_i for each factor j.
 
     Attributes:
-        seed: of the scrambling.
-        columns: how many uncertain numbers.
+        seed: seed of the scrambling.
+        columns: number of uncertain numbers.
         bases: number of blocks.
         chance: whether what is left to chance within a run is a factor of its own,
             after the others.
@@ -90,7 +90,7 @@ def indices(results: np.ndarray, seed: int = 0) -> dict[str, Any]:
 
     Args:
         results: one row a block: f(A), f(B), f(AB_1) and so on.
-        seed: of the resampling.
+        seed: seed of the resampling.
 
     Returns:
         `first` and `total`, rows of estimate, lower and upper end; `blocks` used and

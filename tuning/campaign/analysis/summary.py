@@ -51,10 +51,10 @@ def summarise(
     """The summary of a campaign.
 
     Args:
-        settings: of the campaign.
-        table: its rows.
-        kinds: of the controllers.
-        waypoints: of the course, or None where there is none.
+        settings: settings of the campaign.
+        table: rows of the campaign.
+        kinds: kinds of the controllers.
+        waypoints: number of waypoints of the course, or None where there is none.
         level: confidence of the intervals.
     """
     controllers = {}

@@ -23,7 +23,7 @@ def draw_ribbons(axes: Any, seen: Ribbons, colour: str) -> Any:
     Args:
         axes: three, for depth, pitch and heading.
         seen: errors over time.
-        colour: of the ribbon.
+        colour: colour of the ribbon.
     """
     panels = flat(axes, 3, "draw_ribbons")
     for axis, channel in zip(panels, CHANNELS, strict=True):
@@ -90,7 +90,7 @@ def distributions(axes: Any, table: Rows) -> Any:
 
     Args:
         axes: three, for depth, pitch and heading.
-        table: of the campaign.
+        table: rows of the campaign.
     """
     panels = flat(axes, 3, "distributions")
     for axis, channel in zip(panels, CHANNELS, strict=True):
@@ -135,11 +135,11 @@ def scatter(
     """The severity of each member against one uncertain number.
 
     Args:
-        axis: to draw on.
-        values: of the number.
-        name: of the number, with its unit.
+        axis: axes to draw on.
+        values: values of the number.
+        name: name of the number, with its unit.
         severity: largest error over the edge of its funnel; infinite for failures.
-        colour: of the points.
+        colour: colour of the points.
     """
     known = np.isfinite(severity)
     axis.scatter(values[known], severity[known], s=3.0, color=colour, alpha=0.5, lw=0.0)
@@ -162,10 +162,10 @@ def bars(
     """Horizontal bars with intervals, the first name on top.
 
     Args:
-        axis: to draw on.
-        names: of the rows.
-        groups: by label: values, lower ends and upper ends, one each a row.
-        colours: of the groups.
+        axis: axes to draw on.
+        names: names of the rows.
+        groups: values, lower ends and upper ends by label, each with one number a row.
+        colours: colours of the groups.
     """
     wide = 0.8 / len(groups)
     rows = np.arange(len(names))

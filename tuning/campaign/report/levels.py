@@ -55,8 +55,8 @@ def write_levels(
     """Write summary.json and report.md of all levels.
 
     Args:
-        folder: that holds those of the levels.
-        summaries: by name of the level's own folder.
+        folder: folder that holds the folders of the levels.
+        summaries: summaries by the names of the levels' own folders.
         draws: the report, too.
     """
     write_json(folder / "summary.json", {"levels": named(summaries)})

@@ -39,10 +39,10 @@ def write_campaign_report(
     """Write report.md and its figures.
 
     Args:
-        folder: of the campaign.
-        campaign: it is about.
-        table: its rows.
-        summary: what they come to.
+        folder: folder of the campaign.
+        campaign: campaign it is about.
+        table: rows of the campaign.
+        summary: summary of the rows.
     """
     names = _figures(folder / "figures", campaign, table, summary)
     parts = [_head(summary), *_likely(summary), *_required(summary)]

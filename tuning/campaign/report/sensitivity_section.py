@@ -75,7 +75,7 @@ def sobol_figure(found: dict[str, Any]) -> Figure:
     """Sorted bars of total and first indices, of leaving a funnel and how far.
 
     Args:
-        found: of one set of gains in the summary.
+        found: sensitivities of one set of gains in the summary.
     """
     figure = new_figure(PAGE, 3.2)
     panels = figure.subplots(1, len(_DRAWN))

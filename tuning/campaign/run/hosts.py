@@ -48,10 +48,10 @@ def gathered(
     """The rows of all hosts in the order of the members, on every host.
 
     Args:
-        rows: of this host.
+        rows: rows of this host.
         total: members of the campaign.
         host: number of this one.
-        hosts: how many there are.
+        hosts: number of hosts.
     """
     from jax.experimental import multihost_utils
 

@@ -20,9 +20,9 @@ def draw(campaign: Campaign, first: int, count: int) -> tuple[np.ndarray, Member
     """Values and ensemble of members `first` to `first + count`.
 
     Args:
-        campaign: they belong to.
+        campaign: campaign they belong to.
         first: number of the first one.
-        count: how many.
+        count: number of members.
     """
     values = campaign.uncertainty.values(campaign.design.rows(first, count))
     numbers = campaign.design.key_numbers(first, count)
@@ -47,12 +47,12 @@ def run_campaign(
     """Fill a store with the rows of members `first` to `last`.
 
     Args:
-        campaign: to run.
-        engine: makes the engine; not called where nothing is left to do.
-        store: may hold rows already.
+        campaign: campaign to run.
+        engine: maker of the engine; not called where nothing is left to do.
+        store: store, which may hold rows already.
         first: number of its first member.
         last: number after its last one.
-        progress: told the number of rows after each chunk.
+        progress: callback with the number of rows after each chunk.
 
     Raises:
         OSError: the rows cannot be written.

@@ -22,9 +22,9 @@ def write_members(
     stay finite.
 
     Args:
-        path: of the file.
-        manifest: of the campaign.
-        rows: may be mapped from a file.
+        path: path of the file.
+        manifest: manifest of the campaign.
+        rows: rows, which may be mapped from a file.
         about: provenance, kept as a JSON attribute.
 
     Raises:

@@ -43,8 +43,8 @@ def row_type(quantities: int, gains: int) -> np.dtype:
     """Type of the rows of a campaign.
 
     Args:
-        quantities: how many numbers are uncertain.
-        gains: how many sets of gains are compared.
+        quantities: number of uncertain numbers.
+        gains: number of sets of gains that are compared.
     """
     return np.dtype(
         [
@@ -80,16 +80,16 @@ class Rows:
     A number of a run that became non-finite counts as infinite, the worst there is.
 
     Attributes:
-        rows: of the campaign, in the order of the members.
-        labels: of the sets of gains.
+        rows: rows of the campaign, in the order of the members.
+        labels: labels of the sets of gains.
     """
 
     def __init__(self, rows: np.ndarray, labels: tuple[str, ...]) -> None:
         """Look at rows.
 
         Args:
-            rows: may be mapped from a file.
-            labels: of the sets of gains.
+            rows: rows, which may be mapped from a file.
+            labels: labels of the sets of gains.
         """
         self.rows, self.labels = rows, labels
 

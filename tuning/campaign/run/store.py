@@ -34,8 +34,8 @@ class Manifest:
     """What stands beside the rows.
 
     Attributes:
-        settings: of the campaign.
-        labels: of the sets of gains.
+        settings: settings of the campaign.
+        labels: labels of the sets of gains.
         quantities: name, path and unit of what is uncertain.
         first: number of the first member here.
         last: number after the last one.
@@ -116,7 +116,7 @@ class Store:
         """Open or make a file, and cut off what a crash has left at its end.
 
         Args:
-            path: of the file.
+            path: path of the file.
             kind: type of the rows.
             first: number of the first member.
 
