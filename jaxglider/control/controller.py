@@ -65,8 +65,8 @@ class AbstractController(Container):
             state: state from `init` or from the previous step.
             measurement: everything that may be known of the glider.
             reference: wanted outputs with their rates.
-            bounds: this controller's `bounds` at the reference's clock; an argument
-                because they can often be computed for all ticks at once.
+            bounds: result of this controller's `bounds` at the reference's clock; an
+                argument because it can often be computed for all ticks at once.
             dt: tick [s].
 
         Returns:

@@ -32,7 +32,7 @@ def as_float(value: Any) -> Any:
     default precision of JAX.
 
     Args:
-        value: a number, an array or tracer of numbers, or any other object.
+        value: number, array or tracer of numbers, or any other object.
 
     Returns:
         A strongly typed floating array, or `value` itself where it is no number.

@@ -99,7 +99,7 @@ def barrier(values: Tree) -> Tree:
     holds for tangents and cotangents on their way back.
 
     Args:
-        values: a number, or any pytree of them.
+        values: number, or any pytree of them.
     """
     return _handed_on(values)
 

@@ -56,7 +56,7 @@ class Constant(AbstractDisturbance):
     """The same force for ever.
 
     Attributes:
-        force: [N] and [N m], body frame.
+        force: force [N] and moment [N m], body frame.
     """
 
     force: BodyAxes[Scalar]

@@ -59,7 +59,8 @@ class Cost:
         state_bytes: bytes of the state in single and double precision.
         constant_bytes: bytes of gains and other constants in single and double
             precision.
-        microseconds: estimated at 100 MHz, likewise; see the module's text.
+        microseconds: time estimated at 100 MHz in single and double precision; see the
+            module's text.
     """
 
     operations: dict[str, int]

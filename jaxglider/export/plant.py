@@ -43,7 +43,7 @@ class PlantState(eqx.Module):
 
     Attributes:
         held: positions of the actuators [kg, m, rad].
-        time: since the start [s].
+        time: time since the start [s].
     """
 
     state: GliderState

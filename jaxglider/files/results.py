@@ -45,7 +45,7 @@ def metrics_dict(metrics: Metrics, *, has_waypoints: bool) -> dict[str, Any]:
 
     Args:
         metrics: metrics of one run.
-        has_waypoints: whether the reference was a waypoint path.
+        has_waypoints: flag, the reference was a waypoint path.
     """
     channels = {
         name: {key: _plain(value) for key, value in vars(channel).items()}

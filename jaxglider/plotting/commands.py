@@ -31,7 +31,7 @@ def commands(
     The axes end a little beyond the saturation limits, whatever was asked for.
 
     Args:
-        axes: three, for buoyancy mass, position and angle of the moving mass.
+        axes: three axes, for buoyancy mass, position and angle of the moving mass.
         runs: label to trajectory.
         actuators: actuators of the scenario; their limits are drawn.
     """

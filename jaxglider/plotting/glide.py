@@ -40,7 +40,7 @@ def polar(
         axis: axes to draw on.
         plant: the glider.
         buoyancy: masses [kg], one line for dives and one for climbs with each.
-        motion: marked by a dot.
+        motion: steady motion, marked by a dot.
     """
     alpha = np.radians(np.geomspace(0.02, 20.0, 200))
     glides = jax.jit(jax.vmap(glide_polar, (None, None, 0)))

@@ -95,7 +95,7 @@ def break_jumps(
 
     Args:
         time: times of the samples [s].
-        values: one per time.
+        values: values, one per time.
         jump: smallest jump, in the unit of the values.
     """
     with np.errstate(invalid="ignore"):
@@ -109,7 +109,7 @@ def curve(axis: Axes, time: np.ndarray, values: np.ndarray, **line: Any) -> Line
     Args:
         axis: axes to draw on.
         time: times of the samples [s].
-        values: one per time, NaN where unknown.
+        values: values, one per time, NaN where unknown.
         line: properties for Matplotlib.
     """
     keep = keep_extremes(values)

@@ -40,7 +40,7 @@ def disturbance_estimate(
     The truth is a thin line over the broad one of the estimate.
 
     Args:
-        axes: six, for surge, sway, heave, roll, pitch and yaw.
+        axes: six axes, for surge, sway, heave, roll, pitch and yaw.
         run: run of one controller.
         label: label of the controller, for the legend.
         colour: colour of the estimate.
@@ -68,7 +68,7 @@ def vehicle_state(axes: Any, run: Trajectory, colour: str = _BLUE) -> Any:
     """The state sheet: position, attitude, velocity, rates, and the flow.
 
     Args:
-        axes: fifteen, five rows of three.
+        axes: fifteen axes, five rows of three.
         run: run of one controller.
         colour: colour of the lines.
     """

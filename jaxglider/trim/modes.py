@@ -46,7 +46,8 @@ class Analysis:
     """What a linearised glider does by itself and what its commands can do.
 
     Attributes:
-        modes: slowest first; depth and heading by themselves, which rest, left out.
+        modes: modes, slowest first; depth and heading by themselves, which rest, left
+            out.
         rank: rank of the controllability matrix, by the test of each eigenvalue.
         order: rank at which everything is controllable.
     """

@@ -88,7 +88,8 @@ class SteadyMotion(eqx.Module):
         command: command that holds it [kg, m, rad].
         turn_rate: ω [rad/s].
         residual: largest acceleration left over [m/s², rad/s²].
-        converged: whether that is next to nothing, the glider moving forward upright.
+        converged: flag, the residual is next to nothing and the glider moves forward
+            upright.
     """
 
     state: GliderState

@@ -146,7 +146,7 @@ class Uncertainty:
 
         Args:
             values: values of the quantities, one row a member.
-            keys: one for each member.
+            keys: random keys, one for each member.
         """
         kind = self.scenario.clock.dt.dtype
         columns = {

@@ -59,7 +59,7 @@ class InputGain(eqx.Module):
 
         Args:
             demand: wanted g U [m/s², rad/s²].
-            damping: one positive number per actuator.
+            damping: damping, one positive number per actuator.
         """
         g00 = self.depth_buoyancy
         g10, g11, g12 = self.pitch_buoyancy, self.pitch_position, self.pitch_angle

@@ -139,7 +139,7 @@ class BodyParameters(Container):
         moving_ahead: x of the moving mass [m] for r_p1 = 0.
         moving_roll_inertia: roll inertia of the moving mass about its own centre [kg
             m²].
-        moving_pitch_inertia: its pitch inertia for γ = 0 [kg m²].
+        moving_pitch_inertia: pitch inertia of the moving mass for γ = 0 [kg m²].
         moving_yaw_inertia: yaw inertia of the moving mass for γ = 0 [kg m²].
         sway_yaw_coupling: coupling of sway and yaw by added mass [kg m].
         heave_pitch_coupling: coupling of heave and pitch by added mass [kg m].

@@ -62,7 +62,7 @@ def execute(
         campaign: campaign to run.
         folder: folder of its rows and results.
         execution: part to run, and what becomes of an older campaign.
-        conclusions: what is drawn from the rows.
+        conclusions: choice of the report and of the sensitivities.
         progress: line that shows how far it is.
 
     Returns:
@@ -152,8 +152,8 @@ def execute_on_hosts(
         campaign: campaign to run, the same on every host.
         folder: folder of the whole campaign.
         host: number of this host, from 0, and number of hosts.
-        execution: what becomes of an older campaign.
-        conclusions: what is drawn from the rows.
+        execution: part of the campaign to run, and fate of an older one.
+        conclusions: choice of the report and of the sensitivities.
         progress: line that shows how far it is.
 
     Returns:

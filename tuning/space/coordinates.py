@@ -50,7 +50,7 @@ class Coordinate:
     """One tuned number.
 
     Attributes:
-        path: dotted, from the closed loop.
+        path: dotted path from the closed loop.
         bijection: bijection between the number and its free number.
         edge: edge of its set.
         partner: path of the number its edge depends on, if any.
@@ -145,8 +145,8 @@ def coordinates(
 
     Args:
         loop: the closed loop.
-        names: whole paths.
-        coupled: the pairs to hold.
+        names: dotted paths of the tuned numbers.
+        coupled: pairs to hold.
     """
     owners = _owners(loop)
     by_first = {pair.first: pair for pair in coupled}

@@ -25,7 +25,7 @@ def start_inside(
     """The tuned numbers and their partners, by path, and what was moved, in words.
 
     Args:
-        loop: concrete, not traced.
+        loop: closed loop with concrete numbers, not traced.
         coordinates: coordinates of the numbers.
 
     Raises:

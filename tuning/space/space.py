@@ -52,7 +52,7 @@ class Space:
     """Some numbers of a closed loop as one vector of free numbers. Make it with `of`.
 
     Attributes:
-        coordinates: one for each free number.
+        coordinates: coordinates, one for each free number.
         notes: sentences for the user: what was moved into its set, and what is not
             held.
     """

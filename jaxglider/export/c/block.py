@@ -30,8 +30,8 @@ class Number:
     """One scalar.
 
     Attributes:
-        kind: one of `C_TYPES`.
-        text: a name or a literal.
+        kind: key of `C_TYPES`.
+        text: name or literal in C.
         varies: flag, it depends on a state or an input, not on parameters alone.
         value: value of the number, where that is known now.
     """

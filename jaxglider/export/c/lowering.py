@@ -285,10 +285,10 @@ def lower(
 
     Args:
         block: block that takes the statements.
-        function: pure and traceable.
+        function: pure and traceable function.
         arguments: examples of what it takes.
         numbers: scalars in C for each leaf of the arguments.
-        functions: shared with the other functions of the file.
+        functions: functions of the file, shared with its other functions.
 
     Returns:
         For each leaf of the result its scalars.

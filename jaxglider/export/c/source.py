@@ -102,11 +102,11 @@ def write_function(
     Args:
         name: name of the C function.
         summary: sentence that describes it.
-        function: takes the parameters and every argument that is read, in order;
-            returns a tuple with a result for every argument that is written.
+        function: pure function; takes the parameters and every argument that is read,
+            in order; returns a tuple with a result for every argument that is written.
         parameters: name of the constant structure, and its pytree.
         arguments: arguments of the C function.
-        functions: shared with the other functions of the file.
+        functions: functions of the file, shared with its other functions.
     """
     block = Block()
     numbers = []

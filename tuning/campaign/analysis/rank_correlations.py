@@ -43,7 +43,7 @@ def rank_correlations(values: np.ndarray, result: np.ndarray) -> dict[str, Any]:
     Runs that failed rank highest.
 
     Args:
-        values: one row a member, one column an uncertain number.
+        values: values of the uncertain numbers, one row a member, one column a number.
         result: result of each member.
 
     Returns:

@@ -84,7 +84,7 @@ def sensitivities(
         blocks: number of blocks of the runs for Sobol indices.
         table: rows of the campaign.
         runs: rows of the blocks.
-        summary: holds the rank correlations already.
+        summary: summary, with the rank correlations already in it.
     """
     design = design_of(campaign, blocks)
     names = [*campaign.uncertainty.names(), *([CHANCE] if design.chance else [])]

@@ -89,7 +89,7 @@ def indices(results: np.ndarray, seed: int = 0) -> dict[str, Any]:
     is said.
 
     Args:
-        results: one row a block: f(A), f(B), f(AB_1) and so on.
+        results: results, one row a block: f(A), f(B), f(AB_1) and so on.
         seed: seed of the resampling.
 
     Returns:

@@ -21,7 +21,7 @@ def draw_ribbons(axes: Any, seen: Ribbons, colour: str) -> Any:
     """Where 90 % of the members' errors are, their median, and the worst member.
 
     Args:
-        axes: three, for depth, pitch and heading.
+        axes: three axes, for depth, pitch and heading.
         seen: errors over time.
         colour: colour of the ribbon.
     """
@@ -89,7 +89,7 @@ def distributions(axes: Any, table: Rows) -> Any:
     """How the errors of the members are distributed, one curve a set of gains.
 
     Args:
-        axes: three, for depth, pitch and heading.
+        axes: three axes, for depth, pitch and heading.
         table: rows of the campaign.
     """
     panels = flat(axes, 3, "distributions")

@@ -38,12 +38,13 @@ class CampaignSettings:
         plant: name of the plant.
         dt: control tick [s]; None for the case's own.
         duration: horizon [s]; likewise.
-        precision: of the rollouts, 32 or 64 bits.
-        seed: of the members.
-        members: how many, over all shards; the most there can be with `--until-ci`.
-        design: how they are placed, `monte-carlo`, `latin-hypercube` or `sobol`.
+        precision: bits of a number in the rollouts, 32 or 64.
+        seed: seed of the members.
+        members: number of members over all shards; the most there can be with
+            `--until-ci`.
+        design: name of the sampler: `monte-carlo`, `latin-hypercube` or `sobol`.
         uncertainty: a half width for all, or the text of an uncertainty file.
-        gains: what is compared, in order.
+        gains: sets of gains that are compared, in order.
         until_ci: width of the interval at which to stop, or None.
         mission: the tables of a mission file, files that it names included, or None
             for a case of the paper.
@@ -123,12 +124,12 @@ class Campaign:
     """A campaign put together.
 
     Attributes:
-        settings: it follows from.
-        uncertainty: what differs from member to member.
-        design: where the members lie.
-        loops: one for each set of gains, all in the nominal scenario.
-        kinds: of their controllers.
-        stream: of the members' keys; those of another stream are others.
+        settings: settings it follows from.
+        uncertainty: quantities that differ from member to member.
+        design: sampler of the members' places in the unit cube.
+        loops: closed loops, one for each set of gains, all in the nominal scenario.
+        kinds: kinds of their controllers.
+        stream: stream of the members' keys; another stream has other members.
     """
 
     settings: CampaignSettings

@@ -39,9 +39,9 @@ class Engine:
         """Compile the loops, side by side.
 
         Args:
-            loops: one for each set of gains.
+            loops: closed loops, one for each set of gains.
             example: an ensemble of at least one member.
-            devices: all of this process by default.
+            devices: devices to use; all of this process by default.
             piece: members to a piece; what suits the devices by default.
         """
         self._devices = list(devices or jax.local_devices())
