@@ -43,7 +43,7 @@ class GradientCheck:
 
     Attributes:
         report: reverse mode against central differences, gain by gain.
-        comparisons: how the gradient changes with the horizon and with the smoothing
+        comparisons: changes of the gradient with the horizon and with the smoothing
             width; empty for a short check.
     """
 

@@ -21,9 +21,9 @@ class Gains:
     """A set of gains and what it is called.
 
     Attributes:
-        label: for tables and files; unique among those of one command.
+        label: label for tables and files; unique among those of one command.
         origin: the word or file that it came from.
-        text: of a gains file; what it leaves out has the paper's value.
+        text: text of a gains file; what it leaves out has the paper's value.
     """
 
     label: str
@@ -61,7 +61,7 @@ def resolve(
         controllers: kinds that the words stand for.
         scenario: `switching` or `waypoints`; which gains `tuned` stands for.
         plant: name of the plant; likewise.
-        own: what `mission` stands for, where there is one.
+        own: set of gains that `mission` stands for, where there is one.
 
     Raises:
         ValueError: a file cannot be read or holds no gains, or none come with

@@ -28,12 +28,12 @@ def losses(
     """The objective of each row of free numbers over all members; pure.
 
     Args:
-        loss: of free numbers and one member.
+        loss: loss of free numbers and one member.
         rows: free numbers, one row each.
-        members: one leading axis.
-        aggregate: how members' objectives become one.
-        unit: what a run like the start costs.
-        devices: to spread the lanes over.
+        members: members on one leading axis.
+        aggregate: mean, CVaR or soft worst of the members' objectives.
+        unit: cost of a run like the start.
+        devices: devices to spread the lanes over.
     """
     values = member_losses(loss, rows, members, unit, devices)
     return jax.vmap(aggregate)(values)[0]

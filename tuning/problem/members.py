@@ -28,8 +28,8 @@ def sample_members(
     """An ensemble of independent members.
 
     Args:
-        uncertainty: what differs from member to member.
-        seed: of all sets.
+        uncertainty: quantities that differ from member to member.
+        seed: seed of all sets.
         kind: `TRAINING`, `VALIDATION`, `TEST` or `SWEEP`.
         count: number of members.
 

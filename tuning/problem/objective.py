@@ -90,8 +90,8 @@ class Objective(eqx.Module):
 
     Attributes:
         start: metrics with the starting gains, what the terms are relative to.
-        weights: how much each term counts.
-        cost: of the user's own, taken instead; see `load_cost`.
+        weights: weights of the terms.
+        cost: cost function of the user's own, taken instead; see `load_cost`.
     """
 
     start: Metrics

@@ -81,7 +81,7 @@ class ProblemSpec:
     """A tuning problem as a value: everything that its result follows from.
 
     Attributes:
-        case: what is flown.
+        case: vehicle, sea and reference that are flown.
         controller: name of the control law.
         loop: closed loop with the gains to start from, in the scenario of the case.
         free: dotted paths of what is tuned, `*` for any component; empty for all
@@ -90,7 +90,7 @@ class ProblemSpec:
         weights: weight of each term of the objective.
         cost: cost function of the user's own, taken instead of the weighted terms; see
             `load_cost`.
-        aggregate: how the costs of members become one.
+        aggregate: mean, CVaR or soft worst of the members' costs.
         constraints: names of the coupled constraints that are held; each gain's own
             set is always held.
         gradient_memory: memory of the gradient that is descended [s]; None for the

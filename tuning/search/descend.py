@@ -57,7 +57,7 @@ def descend(
 
     Args:
         problem: problem to solve.
-        settings: how to descend.
+        settings: settings of the descent.
         progress: line that shows how far it is.
         checkpoint: file that every step is kept in, or None.
         resume: whether to go on from the checkpoint.

@@ -98,8 +98,9 @@ class Descent:
             loss: objective of free numbers and one member; pure.
             training: members to descend on, one leading axis.
             validation: members to choose by.
-            settings: how to descend.
-            aggregate: how members' objectives become one; the mean by default.
+            settings: settings of the descent.
+            aggregate: mean, CVaR or soft worst of the members' objectives; the mean by
+                default.
             surrogate_loss: loss that is differentiated instead of `loss`; of the same
                 values.
             cost_scale: cost of a run like the start, the scale of poor and failed ones.
@@ -305,7 +306,7 @@ def scattered(centre: Series, key: jax.Array, copies: int, spread: float) -> jax
     Args:
         centre: free numbers.
         key: random key.
-        copies: how many; with an odd number one stays at the centre.
+        copies: number of copies; with an odd number one stays at the centre.
         spread: standard deviation of each free number.
 
     Returns:
