@@ -19,7 +19,8 @@ Result = TypeVar("Result")
 BLOCK = 64
 """Lanes per block on a CPU: they fill the vector units and fit the first cache."""
 WIDE_BLOCK = 2**14
-"""On an accelerator: they keep it busy, and their seas fit its memory."""
+"""Members in a block on an accelerator: enough to keep it busy, and their seas fit its
+memory."""
 
 
 def member_keys(seed: int, members: int, first: int = 0) -> jax.Array:

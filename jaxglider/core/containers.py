@@ -51,7 +51,7 @@ def as_float(value: Any) -> Any:
 
 
 def concrete(value: Any) -> np.ndarray | None:
-    """The value as a NumPy array, or None where it is traced and cannot be seen."""
+    """The value as a NumPy array, or None where it is traced or no number."""
     if isinstance(value, jax.core.Tracer) or not eqx.is_array_like(value):
         return None
     array = np.asarray(value)
@@ -64,10 +64,10 @@ def check_finite(owner: str, name: str, value: Any) -> None:
     Raises:
         ValueError: `value` is concrete and not finite.
     """
-    seen = concrete(value)
-    if seen is not None and not np.all(np.isfinite(seen)):
+    number = concrete(value)
+    if number is not None and not np.all(np.isfinite(number)):
         raise ValueError(
-            f"{owner}.{name} must be finite; received {seen}. "
+            f"{owner}.{name} must be finite; received {number}. "
             "Give a number in SI units."
         )
 
@@ -85,18 +85,28 @@ def check_interval(
 ) -> None:
     """Refuse a concrete value outside an interval (open at both ends by default).
 
+    Args:
+        owner: name of the class, for the message.
+        name: name of the field or argument.
+        value: number or array; a traced one passes unchecked.
+        low: lower end of the interval.
+        high: upper end of the interval.
+        closed_low: flag, the lower end belongs to the interval.
+        closed_high: flag, the upper end belongs to the interval.
+        remedy: advice added to the message.
+
     Raises:
         ValueError: `value` is concrete and outside.
     """
-    seen = concrete(value)
-    if seen is None:
+    number = concrete(value)
+    if number is None:
         return
-    above = seen >= low if closed_low else seen > low
-    below = seen <= high if closed_high else seen < high
+    above = number >= low if closed_low else number > low
+    below = number <= high if closed_high else number < high
     if not np.all(above & below):
         rule = _interval_words(low, high, closed_low, closed_high)
         hint = f" {remedy}" if remedy else ""
-        raise ValueError(f"{owner}.{name} must be {rule}; received {seen}.{hint}")
+        raise ValueError(f"{owner}.{name} must be {rule}; received {number}.{hint}")
 
 
 def _interval_words(
@@ -122,6 +132,11 @@ class Container(eqx.Module):
 
 def choose(argument: str, value: str, allowed: tuple[str, ...]) -> None:
     """Refuse a name that is not one of those allowed.
+
+    Args:
+        argument: name of the argument, for the message.
+        value: name that was given.
+        allowed: choices.
 
     Raises:
         ValueError: names the argument and the choices.

@@ -38,6 +38,15 @@ def body_to_ned(
 
     R(φ,θ,ψ) (x, y, z); its third row is the T of the paper's kinematics, and turns body
     velocity into the rate of depth.
+
+    Args:
+        a: attitude of the body.
+        x: component along the body's forward axis, in any unit.
+        y: component to starboard.
+        z: component downward.
+
+    Returns:
+        Components north, east and down, in the same unit.
     """
     across = a.cos_roll * y - a.sin_roll * z
     down = a.sin_roll * y + a.cos_roll * z
@@ -52,7 +61,17 @@ def body_to_ned(
 def ned_to_body(
     a: Attitude, north: Scalar, east: Scalar, down: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Rotate a vector of the north-east-down frame into the body frame, R(φ,θ,ψ)ᵀ."""
+    """Rotate a vector of the north-east-down frame into the body frame, R(φ,θ,ψ)ᵀ.
+
+    Args:
+        a: attitude of the body.
+        north: component to the north, in any unit.
+        east: component to the east.
+        down: component downward.
+
+    Returns:
+        Components forward, to starboard and downward in the body, in the same unit.
+    """
     ahead = a.cos_heading * north + a.sin_heading * east
     across = a.cos_heading * east - a.sin_heading * north
     below = a.sin_pitch * ahead + a.cos_pitch * down
@@ -70,6 +89,12 @@ def euler_rates(
 
     φ' = p + tanθ (sinφ q + cosφ r), θ' = cosφ q − sinφ r, ψ' = (sinφ q + cosφ r)/cosθ.
     The last two are the R of the paper's kinematics. Singular at θ = ±π/2.
+
+    Args:
+        a: attitude of the body.
+        roll_rate: p [rad/s], body frame.
+        pitch_rate: q [rad/s].
+        yaw_rate: r [rad/s].
     """
     heading_dot = (a.sin_roll * pitch_rate + a.cos_roll * yaw_rate) / a.cos_pitch
     pitch_dot = a.cos_roll * pitch_rate - a.sin_roll * yaw_rate

@@ -7,7 +7,7 @@ from jaxglider.export.c.fields import Field
 from jaxglider.export.c.source import Structure
 
 FLOAT_ALLOWANCES = {"COMMAND_FLOAT": 5e-2, "STATE_FLOAT": 2e-2}
-"""What single precision may differ by; see the text of `parity.c`."""
+"""Largest relative difference in single precision; see the text of `parity.c`."""
 
 
 def columns_text(

@@ -42,7 +42,7 @@ STATE_UNITS = {
     **dict.fromkeys(("surge", "sway", "heave"), ("m_s", 1.0)),
     **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), ("deg_s", math.pi / 180)),
 }
-"""How the keys of a state end, and what their numbers are multiplied by."""
+"""Unit at the end of the key of each state, and its factor to SI."""
 
 
 def _built(make: Any, path: str, *args: Any, **kwargs: Any) -> Any:

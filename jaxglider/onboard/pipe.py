@@ -49,7 +49,7 @@ from jaxglider.signals import (
 
 HELLO = "jaxglider-sil 1"
 TIMEOUT = 5.0
-"""How long an answer may take [s]."""
+"""Longest wait for an answer [s]."""
 
 
 class PipeError(OSError):

@@ -134,7 +134,17 @@ def make_loop(
     controller: str = "fxtppc",
     **options: Any,
 ) -> ClosedLoop:
-    """A whole closed loop of the paper; options as for `make_scenario`."""
+    """A whole closed loop of the paper.
+
+    Args:
+        scenario: `switching` or `waypoints`.
+        plant: name of the plant, one of `PLANTS`.
+        controller: name of the controller.
+        options: further arguments of `make_scenario`.
+
+    Raises:
+        ValueError: a name is unknown.
+    """
     setting = make_scenario(scenario, plant, **options)
     model = design_model(setting.plant)
     return ClosedLoop(

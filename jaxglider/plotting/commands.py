@@ -14,7 +14,7 @@ from jaxglider.simulation.rollout import Trajectory
 from jaxglider.vehicle.actuators import Actuator
 
 _BEYOND = 1.15
-"""How far the axes reach, in saturation limits."""
+"""Range of the axes in saturation limits."""
 _SPARSE = (0, (1, 1.5))
 _COMMANDS = {
     "buoyancy_mass": "buoyancy mass\n$m_b$ (kg)",

@@ -44,9 +44,9 @@ _ERRORS = {
     "heading": "heading error\n(deg)",
 }
 _VISIBLE = {"depth": 0.2, "pitch": 1.0, "heading": 1.0}
-"""From where on two references are told apart [m, deg]."""
+"""Smallest visible difference of two references [m, deg]."""
 _OUTSIDE = 1.4
-"""How far the error axes reach at most, in widest funnels."""
+"""Largest range of the error axes, in widest funnels."""
 
 
 def tracking(

@@ -22,14 +22,15 @@ INK = "#222222"
 SHADE = "#d9d9d9"
 """Funnels."""
 FAINT = "#8c8c8c"
-"""What the legend explains once for all colours."""
+"""Colour of samples in a legend that stand for lines of all colours."""
 COLUMN = 3.5
 """Width of one journal column [in]."""
 PAGE = 7.16
 """Width of two journal columns [in]."""
 TIME_LABEL = "time (s)"
 _HANDLE, _PAD, _SPACING = 2.2, 0.5, 1.1
-"""Of legends, in font sizes: length of a line, gap to its label, gap to the next."""
+"""Spaces of a legend in font sizes: length of a line, gap to its label, gap to the
+next."""
 
 _RC: dict[Any, Any] = {
     "font.size": 8.0,

@@ -104,5 +104,16 @@ def follow_all(
     dt: Scalar,
     time: Scalar | float = 0.0,
 ) -> Command[Scalar]:
-    """`Actuator.follow` for each of the three."""
+    """`Actuator.follow` for each of the three.
+
+    Args:
+        actuators: actuators.
+        held: positions now [kg, m, rad].
+        wanted: command of the controller [kg, m, rad].
+        dt: tick [s].
+        time: present time [s]; only a failure asks for it.
+
+    Returns:
+        Positions one tick later [kg, m, rad].
+    """
     return map_fields(lambda h, w, a: a.follow(h, w, dt, time), held, wanted, actuators)

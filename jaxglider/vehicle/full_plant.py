@@ -106,7 +106,17 @@ def momentum_transport(mass: MassMatrix, nu: BodyAxes[Scalar]) -> BodyAxes[Scala
 def weight(
     gravity: Scalar, mass: MassMatrix, a: Attitude, buoyancy_mass: Scalar
 ) -> BodyAxes[Scalar]:
-    """Weight less buoyancy [N], and the moment of the weight [N m] about its centre."""
+    """Weight less buoyancy [N], and the moment of the weight [N m] about its centre.
+
+    Args:
+        gravity: g [m/s²].
+        mass: mass matrix, with the first moments of the mass.
+        a: attitude of the glider.
+        buoyancy_mass: m_b [kg].
+
+    Returns:
+        Force and moment, body frame.
+    """
     x = -gravity * a.sin_pitch
     y = gravity * a.cos_pitch * a.sin_roll
     z = gravity * a.cos_pitch * a.cos_roll

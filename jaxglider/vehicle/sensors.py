@@ -22,7 +22,7 @@ from jaxglider.core.containers import (
 from jaxglider.signals import GliderState, Measurement
 
 STATES = tuple(field.name for field in dataclasses.fields(GliderState))
-"""What can be measured: the fields of the state."""
+"""Names of the states, each of which can be measured."""
 
 
 class Sensor(Container):

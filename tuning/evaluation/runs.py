@@ -88,7 +88,17 @@ def run_all(entries: list[PlannedRun], seed: int) -> tuple[list[FinishedRun], bo
 def report_runs(
     options: argparse.Namespace, done: list[FinishedRun], interrupted: bool, seed: int
 ) -> int:
-    """Print, write and draw what came of the runs."""
+    """Print, write and draw the results of some runs.
+
+    Args:
+        options: options of the command.
+        done: finished runs.
+        interrupted: flag, some runs are missing.
+        seed: seed of the sea.
+
+    Returns:
+        The exit code of the command.
+    """
     if not done:
         note("interrupted before a run was finished; nothing is written.")
         return INTERRUPTED

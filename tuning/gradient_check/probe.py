@@ -14,7 +14,7 @@ import numpy as np
 REALISTIC = 1e-2
 """The smallest step of a descent that matters, in the scale of a free number."""
 PREDICTION = 0.5
-"""How far, relatively, a foretold change may be off and still guide a descent."""
+"""Largest relative error of a foretold change that still guides a descent."""
 UNSURE = 1e-2
 """Relative uncertainty of the differences from which they decide nothing."""
 SATURATED = 0.95

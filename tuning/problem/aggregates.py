@@ -40,7 +40,7 @@ class Mean(AbstractAggregate):
 
 
 MEAN = Mean()
-"""What is used where nothing else is asked for."""
+"""Aggregate where nothing else is asked for."""
 
 
 @dataclasses.dataclass(frozen=True)

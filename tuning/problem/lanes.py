@@ -46,7 +46,15 @@ def member_losses(
     unit: float,
     devices: Sequence[jax.Device] | None = None,
 ) -> jax.Array:
-    """The objective of each row on each member, as it counts; see `losses`."""
+    """The objective of each row on each member, saturated where a run is lost.
+
+    Args:
+        loss: loss of free numbers and one member.
+        rows: free numbers, one row each.
+        members: members on one leading axis.
+        unit: cost of a run like the start.
+        devices: devices to spread the lanes over.
+    """
     count = member_count(members)
     copies = jnp.repeat(rows[:, None], count, axis=1)
     values = map_members(

@@ -19,7 +19,7 @@ from jaxglider.simulation.metrics import Metrics
 
 CHANNELS = ("depth", "pitch", "heading")
 UNIT = 7.5
-"""What a run that tracks like the start costs with the default weights."""
+"""Cost of a run that tracks like the start, with the default weights."""
 Cost = Callable[[Metrics, Metrics], Scalar]
 
 

@@ -18,7 +18,8 @@ LOST = 2.0
 """Objective from which a start is exchanged, in units of what a run like it costs on
 the nominal case; the paper's gains, where they fly, come to 1.5."""
 GENERATIONS, DRAWS, SPREAD = 12, 64, 0.5
-"""Of the search at most; of a generation; and in the logarithm of a gain."""
+"""Largest number of generations of the search, draws of a generation, and spread of
+the draws in the logarithm of a gain."""
 ENOUGH = 1.25
 """Objective, in the same units, with which the search ends early: few runs, if any, are
 lost."""

@@ -19,7 +19,7 @@ from jaxglider.export.c.shapes import Array, whole
 from jaxglider.signals import BodyAxes, Channels, Command
 
 _EACH = (BodyAxes, Channels, Command)
-"""What a field of these is, the field that holds them says."""
+"""Containers whose own fields are described by the field that holds the container."""
 
 _RESERVED = frozenset(
     [

@@ -83,7 +83,15 @@ def rearranged(
 
 
 def fold(block: Block, name: str, x: Array, axes: Sequence[int], kind: str) -> Array:
-    """A reduction over axes, from the first number to the last."""
+    """A reduction over axes, from the first number to the last.
+
+    Args:
+        block: block that takes the statements.
+        name: name of the primitive that joins two numbers.
+        x: operand.
+        axes: axes to reduce.
+        kind: kind of the result.
+    """
     rest = [n for n in range(x.ndim) if n not in axes]
     rows = np.transpose(x, [*rest, *axes]).reshape([*(x.shape[n] for n in rest), -1])
     result = np.empty(rows.shape[:-1], dtype=object)
@@ -98,7 +106,16 @@ def fold(block: Block, name: str, x: Array, axes: Sequence[int], kind: str) -> A
 def running(
     block: Block, name: str, x: Array, axis: int, reverse: bool, kind: str
 ) -> Array:
-    """A running sum, product, minimum or maximum along one axis."""
+    """A running sum, product, minimum or maximum along one axis.
+
+    Args:
+        block: block that takes the statements.
+        name: name of the primitive that joins two numbers.
+        x: operand.
+        axis: axis to run along.
+        reverse: flag, from the last number to the first.
+        kind: kind of the result.
+    """
     result = np.moveaxis(np.flip(x, axis) if reverse else x, axis, 0).copy()
     for n in range(1, len(result)):
         for index in np.ndindex(*result.shape[1:]):
@@ -109,7 +126,17 @@ def running(
 
 
 def dot(block: Block, x: Sequence[Array], dimensions: Any, kind: str) -> Array:
-    """A product of small matrices or vectors, without batch dimensions."""
+    """A product of small matrices or vectors, without batch dimensions.
+
+    Args:
+        block: block that takes the statements.
+        x: operands, left and right.
+        dimensions: `dimension_numbers` of the primitive.
+        kind: kind of the result.
+
+    Raises:
+        ExportError: there are batch dimensions, or there is no contraction.
+    """
     (left, right), batch = dimensions
     if any(batch):
         raise ExportError(unsupported("dot_general", " with batch dimensions"))
@@ -134,7 +161,17 @@ def dot(block: Block, x: Sequence[Array], dimensions: Any, kind: str) -> Array:
 def gather(
     block: Block, x: Sequence[Array], shape: tuple[int, ...], params: dict[str, Any]
 ) -> Array:
-    """x[index] for one index vector: for each place it can point at, a selection."""
+    """x[index] for one index vector: for each place it can point at, a selection.
+
+    Args:
+        block: block that takes the statements.
+        x: operand and index.
+        shape: shape of the result.
+        params: parameters of the primitive.
+
+    Raises:
+        ExportError: the index points at several places at once, or at too many.
+    """
     operand, indices = x
     if indices.size != indices.shape[-1]:
         raise ExportError(unsupported("gather", " at several places at once"))
@@ -185,7 +222,17 @@ def choose(
     ranges: Sequence[int],
     taken: Callable[[Sequence[int]], Array],
 ) -> Array:
-    """taken(index) for an index known on board, each part clamped to its range."""
+    """taken(index) for an index known on board, each part clamped to its range.
+
+    Args:
+        block: block that takes the statements.
+        index: parts of the index.
+        ranges: number of places that each part can point at.
+        taken: function from an index to the numbers there.
+
+    Raises:
+        ExportError: there are too many places.
+    """
     places = list(itertools.product(*(range(n) for n in ranges)))
     many = [at for at, n in enumerate(ranges) if n > 1]
     in_table = len(many) == 1 and len(places) > FEW

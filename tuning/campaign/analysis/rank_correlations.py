@@ -18,7 +18,7 @@ OUTPUTS = (
     *(f"{channel}.rms_error" for channel in CHANNELS),
     "max_roll",
 )
-"""What drivers are looked for of."""
+"""Results whose drivers are looked for."""
 
 
 def output(table: Rows, number: int, name: str) -> np.ndarray:

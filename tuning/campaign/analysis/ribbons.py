@@ -17,9 +17,9 @@ from tuning.campaign.run.loop import draw
 from tuning.campaign.run.rows import CHANNELS
 
 MEMBERS = 256
-"""Whose errors the ribbons are made of."""
+"""Number of members, from the first, whose errors make the ribbons."""
 POINTS = 400
-"""Of a line."""
+"""Approximate number of points of a line."""
 
 
 @dataclasses.dataclass(frozen=True)

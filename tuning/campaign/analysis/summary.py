@@ -90,7 +90,14 @@ def summarise(
 def probabilities(
     table: Rows, number: int, waypoints: int | None, level: float
 ) -> dict[str, Any]:
-    """How likely each kind of trouble is; a failed run counts as all of them."""
+    """Probability of each kind of trouble; a failed run counts as all of them.
+
+    Args:
+        table: rows of the campaign.
+        number: number of the set of gains.
+        waypoints: number of waypoints of the course, or None where there is none.
+        level: level of confidence of the intervals.
+    """
     events = {"p_violation": table.left_funnel(number)}
     for channel in CHANNELS:
         events[f"p_violation_{channel}"] = table.left_funnel(number, channel)

@@ -31,7 +31,14 @@ def draw(campaign: Campaign, first: int, count: int) -> tuple[np.ndarray, Member
 
 
 def compute(campaign: Campaign, engine: Engine, first: int, count: int) -> np.ndarray:
-    """Rows of members `first` to `first + count`."""
+    """Rows of members `first` to `first + count`.
+
+    Args:
+        campaign: campaign they belong to.
+        engine: engine that runs them.
+        first: number of the first member.
+        count: number of members.
+    """
     values, members = draw(campaign, first, count)
     return make_rows(first, values, engine.run(members))
 
@@ -77,7 +84,14 @@ def run_campaign(
 
 
 def continues(campaign: Campaign, engine: Engine, store: Store, first: int) -> bool:
-    """Whether the last row of a store comes out the same again, bit for bit."""
+    """Whether the last row of a store comes out the same again, bit for bit.
+
+    Args:
+        campaign: campaign of the store.
+        engine: engine that runs the member.
+        store: store with one row at least.
+        first: number of the store's first member.
+    """
     last = compute(campaign, engine, first + store.count - 1, 1)
     return last.tobytes() == store.rows()[-1:].tobytes()
 

@@ -197,6 +197,12 @@ def whole_rows(path: Path, kind: np.dtype, first: int) -> int:
 def prepare(folder: Path, manifest: Manifest, *, resume: bool, overwrite: bool) -> None:
     """See that the folder holds this campaign, a part of it that can grow, or none.
 
+    Args:
+        folder: folder of the campaign.
+        manifest: manifest of this campaign.
+        resume: flag, this campaign may be there already.
+        overwrite: flag, any campaign there is discarded.
+
     Raises:
         ValueError: it holds another one, or this one and it is not to be gone on with.
     """

@@ -64,6 +64,12 @@ def uncertainty(text: str) -> float | Path:
 def checked(text: str, kind: Any, holds: Callable[[Any], bool], rule: str) -> Any:
     """The text as a number of a kind.
 
+    Args:
+        text: word of the command line.
+        kind: type of the number.
+        holds: test that the number has to pass.
+        rule: description of the test, for the message.
+
     Raises:
         argparse.ArgumentTypeError: it is none, or the rule does not hold.
     """

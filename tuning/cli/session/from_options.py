@@ -24,8 +24,8 @@ DEFAULT_CONTROLLER = {
     "rigid-body": "fxtppc-roll",
     "seawing": "fxtppc-roll",
 }
-"""What is tuned where neither option nor file says; the printed glider rolls away from
-its mass, and needs no more than the paper's law."""
+"""Controller by plant where neither option nor file names one; the printed glider
+rolls away from its mass, and needs no more than the paper's law."""
 
 
 def flight_case(options: argparse.Namespace) -> FlightCase:
