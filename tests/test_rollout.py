@@ -14,9 +14,8 @@ from test_physics import MatrixGlider, array
 
 from jaxglider import Clock, GaussMarkov, paper
 from jaxglider.core.containers import as_float
-from jaxglider.environment.disturbances import same_on_all_axes
 from jaxglider.environment.water import Current, Stratification, Water
-from jaxglider.signals import GliderState
+from jaxglider.signals import BodyAxes, GliderState
 from jaxglider.simulation.rollout import evaluate, simulate
 
 
@@ -168,7 +167,7 @@ def test_more_substeps_move_the_measures_little(runs, finer):
 def noisy(loops):
     scenario = dataclasses.replace(
         loops["switching"].scenario,
-        disturbance=GaussMarkov(same_on_all_axes(0.02), same_on_all_axes(5.0)),
+        disturbance=GaussMarkov(BodyAxes(*(0.02,) * 6), BodyAxes(*(5.0,) * 6)),
     )
     return dataclasses.replace(loops["switching"], scenario=scenario)
 

@@ -90,11 +90,6 @@ def signed_powers(
     return tuple(x * power for power in powers)
 
 
-def signed_power(x: Scalar, exponent: Scalar, smoothing: Scalar) -> Scalar:
-    """Smoothed signed power of one exponent; see `signed_powers`."""
-    return signed_powers(x, (exponent,), smoothing)[0]
-
-
 def saturate(x: Scalar, limit: Scalar) -> Scalar:
     """Clip to [−limit, limit]; the slope is one inside and zero outside."""
     return jnp.clip(x, -limit, limit)

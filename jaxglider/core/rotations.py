@@ -9,7 +9,6 @@ import math
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from jaxglider.core.containers import Scalar
 from jaxglider.core.numerics import arctan, sincos
@@ -99,15 +98,6 @@ def euler_rates(
     heading_dot = (a.sin_roll * pitch_rate + a.cos_roll * yaw_rate) / a.cos_pitch
     pitch_dot = a.cos_roll * pitch_rate - a.sin_roll * yaw_rate
     return roll_rate + a.sin_pitch * heading_dot, pitch_dot, heading_dot
-
-
-def rotation_matrix(
-    roll: Scalar, pitch: Scalar, heading: Scalar
-) -> Float[Array, "3 3"]:
-    """The matrix R(φ,θ,ψ) of `body_to_ned`, for drawing and checking."""
-    a = attitude(roll, pitch, heading)
-    columns = [body_to_ned(a, *axis) for axis in jnp.eye(3, dtype=a.sin_roll.dtype)]
-    return jnp.array(columns).T
 
 
 def wrap(angle: Scalar) -> Scalar:

@@ -35,11 +35,13 @@ class Tableau(eqx.Module):
     order: int = eqx.field(static=True)
 
 
-EULER = Tableau((0.0,), (0.0,), (1.0,), 1)
-MIDPOINT = Tableau((0.0, 0.5), (0.5, 0.0), (0.0, 1.0), 2)
 RK4 = Tableau(
-    (0.0, 0.5, 0.5, 1.0), (0.5, 0.5, 1.0, 0.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6), 4
+    nodes=(0.0, 0.5, 0.5, 1.0),
+    links=(0.5, 0.5, 1.0, 0.0),
+    weights=(1 / 6, 1 / 3, 1 / 3, 1 / 6),
+    order=4,
 )
+"""The classical method of fourth order."""
 
 
 def runge_kutta_step(

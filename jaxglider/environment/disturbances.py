@@ -231,8 +231,3 @@ def axes(
         yaw: number about the downward axis [N m].
     """
     return BodyAxes(surge, sway, heave, roll, pitch, yaw)
-
-
-def same_on_all_axes(value: float) -> BodyAxes[Scalar]:
-    """One number for all six axes."""
-    return BodyAxes(*(value,) * 6)

@@ -35,11 +35,6 @@ def render(report: GradientReport) -> str:
     return "\n".join(lines)
 
 
-def summary(report: GradientReport) -> str:
-    """The report in one line, for the start of a descent."""
-    return f"gradient: {report.verdict}; {_norms(report)}"
-
-
 def _norms(report: GradientReport) -> str:
     here, *others = report.norms
     text = f"gradient norm {here:.3g}"
