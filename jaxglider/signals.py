@@ -63,15 +63,22 @@ class GliderState(Container):
     yaw_rate: Scalar = _number()
 
     @classmethod
-    def at_rest(cls, **given: Any) -> "GliderState":
-        """A state with the given fields and zero everywhere else."""
+    def at_rest(cls, **values: Any) -> "GliderState":
+        """A state with some fields by name, and zero everywhere else.
+
+        Args:
+            values: numbers by the names of the fields, in their units.
+
+        Raises:
+            ValueError: a name is no field.
+        """
         names = [field.name for field in dataclasses.fields(cls)]
-        unknown = sorted(set(given) - set(names))
+        unknown = sorted(set(values) - set(names))
         if unknown:
             raise ValueError(
                 f"GliderState has no field {unknown[0]!r}; choose from {names}."
             )
-        return cls(**{name: given.get(name, 0.0) for name in names})
+        return cls(**{name: values.get(name, 0.0) for name in names})
 
     def unturned(self) -> "GliderState":
         """The same state with full turns taken off roll and pitch, into [−π, π)."""

@@ -207,14 +207,14 @@ def observer_root(
             the last.
     """
     single = jnp.finfo(jnp.result_type(target)).bits < 64
-    taken = max(steps - 1, 1) if single else steps
+    iterations = max(steps - 1, 1) if single else steps
 
     @not_inlined
     def newton_root(target: Scalar, gains: tuple[Scalar, ...]) -> Scalar:
-        return _newton_root(target, gains, taken)
+        return _newton_root(target, gains, iterations)
 
-    found = newton_root(*lax.stop_gradient((target, gains)))
-    return implicit_root(_left_side, found, target, gains)
+    root = newton_root(*lax.stop_gradient((target, gains)))
+    return implicit_root(_left_side, root, target, gains)
 
 
 def _newton_root(target: Scalar, gains: tuple[Scalar, ...], steps: int) -> Scalar:

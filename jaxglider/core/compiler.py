@@ -71,9 +71,9 @@ def enable_fast_loops() -> bool:
     return True
 
 
-def _merged(given: str) -> str:
+def _merged(own_flags: str) -> str:
     """A user's flags with ours added; where both set one option, theirs is kept."""
-    flags = given.split()
+    flags = own_flags.split()
     names = [flag.split("=", 1)[0] for flag in flags]
     for flag in FAST_LOOP_FLAGS:
         name, values = flag.split("=", 1)

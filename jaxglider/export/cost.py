@@ -85,10 +85,10 @@ def cost_of(source: Source) -> Cost:
         sum(n * (_CYCLES[kind][at] + _MEMORY[at]) for kind, n in counts.items())
         for at in (0, 1)
     ]
-    made = source.structures
+    structures = source.structures
 
     def size(name: str) -> tuple[int, int]:
-        return made[name].size(4), made[name].size(8)
+        return structures[name].size(4), structures[name].size(8)
 
     return Cost(
         {kind: counts[kind] for kind in _CYCLES},

@@ -66,7 +66,7 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
         jnp.zeros_like(scenario.clock.dt),
     )
     force = zeros(BodyAxes, scenario.clock.dt)
-    made = {
+    structures = {
         "parameters": Structure(
             "plant_parameters",
             "The true glider.",
@@ -90,8 +90,8 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
         return drift(loop, p, now, wanted, f)
 
     shared = Functions()
-    parameters = (CONSTANTS["plant"], made["parameters"].example)
-    state = made["state"]
+    parameters = (CONSTANTS["plant"], structures["parameters"].example)
+    state = structures["state"]
     functions = {
         "plant_init": write_function(
             "plant_init",
@@ -108,18 +108,20 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
             parameters,
             [
                 Argument("state", state, writes=True),
-                Argument("command", made["command"]),
-                Argument("force", made["force"]),
+                Argument("command", structures["command"]),
+                Argument("force", structures["force"]),
             ],
             shared,
         ),
     }
     return Source(
-        header_text("plant", about, made, functions),
-        source_text("plant", about, made["parameters"].example, functions, shared),
+        header_text("plant", about, structures, functions),
+        source_text(
+            "plant", about, structures["parameters"].example, functions, shared
+        ),
         functions,
         shared,
-        made,
+        structures,
     )
 
 

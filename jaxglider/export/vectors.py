@@ -66,8 +66,8 @@ def replay(pilot: Autopilot, times: Series, measured: GliderState) -> TickLog:
         measured: measurement at each of them.
     """
 
-    def tick(state: AutopilotState, given: Any) -> tuple[AutopilotState, TickLog]:
-        return _tick(pilot, state, *given)
+    def tick(state: AutopilotState, inputs: Any) -> tuple[AutopilotState, TickLog]:
+        return _tick(pilot, state, *inputs)
 
     return lax.scan(tick, pilot.init(), (times, measured))[1]
 
@@ -94,11 +94,11 @@ def fly(
     )
     times = jnp.arange(forces.surge.shape[0], dtype=clock.dtype) * clock
 
-    def tick(carry: Any, given: Any) -> tuple[Any, Any]:
-        (state, afloat), (time, force) = carry, given
-        after, seen = _tick(pilot, state, time, afloat.state)
-        following = drift(loop, truth, afloat, seen.command, force)
-        return (after, following), (seen, following.state)
+    def tick(carry: Any, inputs: Any) -> tuple[Any, Any]:
+        (state, afloat), (time, force) = carry, inputs
+        after, log = _tick(pilot, state, time, afloat.state)
+        following = drift(loop, truth, afloat, log.command, force)
+        return (after, following), (log, following.state)
 
     return lax.scan(tick, (pilot.init(), start), (times, forces))[1]
 
@@ -116,15 +116,15 @@ def sea(loop: ClosedLoop, ticks: int, hold: int = 1) -> BodyAxes[Series]:
     return map_fields(lambda f: jnp.repeat(f[:-1:hold], hold)[:ticks], path)
 
 
-def window(seen: TickLog, ticks: int) -> slice:
+def window(log: TickLog, ticks: int) -> slice:
     """Ticks around the first restart of the funnel, or the first ones.
 
     Args:
-        seen: a run.
+        log: a run.
         ticks: number of ticks.
     """
-    last = seen.time.shape[0] - ticks
-    restarts = np.flatnonzero(np.diff(np.asarray(seen.segment)))
+    last = log.time.shape[0] - ticks
+    restarts = np.flatnonzero(np.diff(np.asarray(log.segment)))
     first = int(restarts[0]) - ticks // 2 if len(restarts) else 0
     first = max(min(first, last), 0)
     return slice(first, first + ticks)

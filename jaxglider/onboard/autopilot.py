@@ -147,15 +147,15 @@ class Autopilot(eqx.Module):
         """
         following, clock = self._mission_time(state, time)
         planned, replaced = believed_plan(planned, state.planned)
-        kept = map_fields(within, measured, state.measured, self.guard.ranges())
+        believed = map_fields(within, measured, state.measured, self.guard.ranges())
         complete = all_of(map_fields(is_within, measured, self.guard.ranges()))
         silent = jnp.where(complete, 0, jnp.minimum(state.silent + 1, MANY))
         lost = ~(state.started | complete) | self._too_long(silent)
         afresh = complete & (~state.started | self._too_long(state.silent))
-        observer, observer_reset = self._observe(state, kept, complete, afresh)
-        attitude = kept.attitude()
+        observer, observer_reset = self._observe(state, believed, complete, afresh)
+        attitude = believed.attitude()
         known = Measurement(
-            kept, attitude, state.held, self.observer.estimate(observer)
+            believed, attitude, state.held, self.observer.estimate(observer)
         )
         aim, guidance = self._guide(state, planned, known)
         wanted, controller, controller_reset = self._decide(
@@ -179,7 +179,7 @@ class Autopilot(eqx.Module):
             state.started | complete,
             following,
             silent,
-            kept,
+            believed,
             attitude,
             held,
             planned,
@@ -199,7 +199,7 @@ class Autopilot(eqx.Module):
         return silent * self.dt > self.guard.patience
 
     def _observe(
-        self, state: AutopilotState, kept: GliderState, complete: Flag, afresh: Flag
+        self, state: AutopilotState, believed: GliderState, complete: Flag, afresh: Flag
     ) -> tuple[Any, Flag]:
         """The observer's state now that the measurement is known."""
         before = Measurement(
@@ -208,10 +208,12 @@ class Autopilot(eqx.Module):
             state.held,
             self.observer.estimate(state.observer),
         )
-        stepped = self.observer.step(state.observer, before, state.held, kept, self.dt)
+        stepped = self.observer.step(
+            state.observer, before, state.held, believed, self.dt
+        )
         broken = complete & ~sound(stepped)
         following = select(complete, stepped, state.observer)
-        return select(afresh | broken, self.observer.init(kept), following), broken
+        return select(afresh | broken, self.observer.init(believed), following), broken
 
     def _guide(
         self, state: AutopilotState, planned: Any, known: Measurement

@@ -174,8 +174,8 @@ class ChildProcess:
         except subprocess.TimeoutExpired:
             code = "unknown"
         self._errors.seek(0)
-        said = self._errors.read().decode(errors="replace").strip()
-        last = f" Its last words: {said.splitlines()[-1]}" if said else ""
+        complaint = self._errors.read().decode(errors="replace").strip()
+        last = f" Its last words: {complaint.splitlines()[-1]}" if complaint else ""
         return PipeError(
             f"{self._name} ended at tick {self._tick} with exit code {code}.{last}"
         )

@@ -76,16 +76,16 @@ def keep_extremes(*columns: np.ndarray, points: int = MAX_POINTS) -> np.ndarray:
     rows = -(-length // size)
     index = np.minimum(np.arange(rows * size), length - 1).reshape(rows, size)
     row = np.arange(rows)
-    kept = [np.array([0, length - 1])]
+    samples = [np.array([0, length - 1])]
     for column in columns:
         block = column[index]
         known = np.isfinite(block)
         low = np.where(known, block, np.inf).argmin(axis=1)
         high = np.where(known, block, -np.inf).argmax(axis=1)
         gap = ~known.all(axis=1)
-        kept += [index[row, low], index[row, high]]
-        kept.append(index[row[gap], (~known[gap]).argmax(axis=1)])
-    return np.unique(np.concatenate(kept))
+        samples += [index[row, low], index[row, high]]
+        samples.append(index[row[gap], (~known[gap]).argmax(axis=1)])
+    return np.unique(np.concatenate(samples))
 
 
 def break_jumps(
@@ -113,7 +113,7 @@ def curve(axis: Axes, time: np.ndarray, values: np.ndarray, **line: Any) -> Line
         line: properties for Matplotlib.
     """
     keep = keep_extremes(values)
-    (drawn,) = axis.plot(time[keep], values[keep], **line)
+    (artist,) = axis.plot(time[keep], values[keep], **line)
     known = np.flatnonzero(np.isfinite(values))
     if known.size and known[-1] < values.size - 1:
         axis.plot(
@@ -122,10 +122,10 @@ def curve(axis: Axes, time: np.ndarray, values: np.ndarray, **line: Any) -> Line
             marker="x",
             markersize=5,
             linestyle="none",
-            color=drawn.get_color(),
-            zorder=drawn.get_zorder() + 1,
+            color=artist.get_color(),
+            zorder=artist.get_zorder() + 1,
         )
-    return drawn
+    return artist
 
 
 def restlessness(values: np.ndarray) -> float:

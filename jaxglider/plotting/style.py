@@ -129,13 +129,13 @@ def flat(axes: Any, number: int, owner: str) -> list[Axes]:
     Raises:
         ValueError: their number is wrong.
     """
-    found = list(np.ravel(np.asarray(axes, dtype=object)))
-    if len(found) != number:
+    panels = list(np.ravel(np.asarray(axes, dtype=object)))
+    if len(panels) != number:
         raise ValueError(
-            f"{owner} needs {number} axes; received {len(found)}. Make them with "
+            f"{owner} needs {number} axes; received {len(panels)}. Make them with "
             "figure.subplots."
         )
-    return found
+    return panels
 
 
 def label_time(axes: Sequence[Axes], end: float) -> None:

@@ -58,9 +58,9 @@ def disturbance_estimate(
     label_time(panels, end_time([run]))
     entry = f"estimate ({label})" if label else "estimate"
     lumped = Line2D([], [], color=INK, lw=_THIN, label="lumped disturbance")
-    drawn = Line2D([], [], color=colour, lw=_BROAD, label=entry)
+    handle = Line2D([], [], color=colour, lw=_BROAD, label=entry)
     legend_above(panels[1], [lumped], beside=panels[:3])
-    legend_above(panels[2], [drawn], beside=panels[:3])
+    legend_above(panels[2], [handle], beside=panels[:3])
     return axes
 
 

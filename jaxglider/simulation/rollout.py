@@ -72,8 +72,8 @@ def roll(
 
     def step(carry: Any, end: TickPlan) -> Any:
         inner, (force, errors) = carry
-        after, kept = tick(inner, TickInput(end, force, errors))
-        return (after, (end.force_end, end.noise_end)), kept
+        after, outputs = tick(inner, TickInput(end, force, errors))
+        return (after, (end.force_end, end.noise_end)), outputs
 
     def through(carry: Any, part: Any) -> Any:
         return lax.scan(step, carry, loop.plan(*part))
@@ -81,16 +81,16 @@ def roll(
     start = (loop.init(), first)
     known = (loop.scenario.clock.times()[:-1], *ends)
     if checkpoint_every == 1:
-        (last, _), kept = through(start, known)
+        (last, _), outputs = through(start, known)
     else:
         parts = jax.tree.map(
             lambda x: x.reshape(-1, checkpoint_every, *x.shape[1:]), known
         )
         again = jax.checkpoint(through, prevent_cse=False)
-        (last, _), kept = lax.scan(again, start, parts)
-        kept = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), kept)
+        (last, _), outputs = lax.scan(again, start, parts)
+        outputs = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), outputs)
     metrics = finish(last.sums, last.state, last.reached, loop.scenario.clock.dt)
-    return metrics, kept
+    return metrics, outputs
 
 
 def sparse_checkpoints(ticks: int) -> int:

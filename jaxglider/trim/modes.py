@@ -116,8 +116,8 @@ def transmission_zeros(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     whole = np.block([[a, b], [np.eye(n)[outputs], np.zeros((m, m))]])
     shifted = np.zeros_like(whole)
     shifted[:n, :n] = np.eye(n)
-    found = scipy.linalg.eig(whole, shifted, right=False)
-    finite = found[np.isfinite(found) & (np.abs(found) < 1e4)]
+    eigenvalues = scipy.linalg.eig(whole, shifted, right=False)
+    finite = eigenvalues[np.isfinite(eigenvalues) & (np.abs(eigenvalues) < 1e4)]
     return finite[np.argsort(-finite.real)]
 
 

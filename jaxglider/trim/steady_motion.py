@@ -63,11 +63,11 @@ class Target(Container):
             ("mass_position", "glide_angle"),
             ("mass_angle", "turn_rate", "turn_radius"),
         ):
-            given = [name for name in choice if getattr(self, name) is not None]
-            if len(given) != 1:
+            names = [name for name in choice if getattr(self, name) is not None]
+            if len(names) != 1:
                 raise ValueError(
                     f"Target needs exactly one of {', '.join(choice)}; received "
-                    f"{' and '.join(given) if given else 'none of them'}."
+                    f"{' and '.join(names) if names else 'none of them'}."
                 )
 
     @classmethod
@@ -149,10 +149,10 @@ def steady_motion(plant: AbstractPlant, target: Target) -> SteadyMotion:
         lambda x: _newton(lambda y: _residual(fixed, wanted, y), x),
         _starts(fixed, wanted),
     )
-    found = jax.vmap(_describe)(ends, left)
-    slant = jnp.abs(jax.vmap(SteadyMotion.angle_of_attack)(found))
-    slant += jnp.abs(jax.vmap(SteadyMotion.sideslip)(found))
-    best = jnp.argmin(jnp.where(found.converged, slant, jnp.inf))
+    motions = jax.vmap(_describe)(ends, left)
+    slant = jnp.abs(jax.vmap(SteadyMotion.angle_of_attack)(motions))
+    slant += jnp.abs(jax.vmap(SteadyMotion.sideslip)(motions))
+    best = jnp.argmin(jnp.where(motions.converged, slant, jnp.inf))
     root = lax.custom_root(
         lambda y: _residual(plant, target, y),
         ends[best],
@@ -232,11 +232,11 @@ def _newton(
         x, value, slope = carry
         move = jnp.linalg.solve(slope, value)
         shares = 0.5 ** jnp.arange(_HALVINGS, dtype=x.dtype)
-        tried = jnp.concatenate([x - shares[:, None] * move, x[None]])
-        slopes, values = lax.map(jax.jacfwd(with_value, has_aux=True), tried)
+        candidates = jnp.concatenate([x - shares[:, None] * move, x[None]])
+        slopes, values = lax.map(jax.jacfwd(with_value, has_aux=True), candidates)
         size = jnp.linalg.norm(values, axis=1)
         best = jnp.argmin(jnp.where(jnp.isfinite(size), size, jnp.inf))
-        return (tried[best], values[best], slopes[best]), None
+        return (candidates[best], values[best], slopes[best]), None
 
     # With no value yet the first step goes nowhere.
     carry = (x, jnp.zeros_like(x), jnp.eye(x.size, dtype=x.dtype))

@@ -138,8 +138,8 @@ class Uncertainty:
         for group in self.groups:
             columns = [names.index(name) for name in group.members]
             u[:, columns] = correlated(u[:, columns], np.array(group.correlation))
-        made = [q.values(u[:, j].copy()) for j, q in enumerate(self.quantities)]
-        return np.stack(made, axis=1) if made else np.empty((len(u), 0))
+        values = [q.values(u[:, j].copy()) for j, q in enumerate(self.quantities)]
+        return np.stack(values, axis=1) if values else np.empty((len(u), 0))
 
     def members(self, values: np.ndarray, keys: jax.Array) -> Member:
         """An ensemble, in the precision of the scenario.
@@ -188,18 +188,18 @@ def look_up(scenario: Scenario, path: str) -> Any:
     Raises:
         ValueError: it leads nowhere.
     """
-    found: Any = scenario
+    place: Any = scenario
     for part in path.split("."):
         try:
-            if isinstance(found, Mapping):
-                found = found[part]
-            elif isinstance(found, Sequence):
-                found = found[int(part)]
+            if isinstance(place, Mapping):
+                place = place[part]
+            elif isinstance(place, Sequence):
+                place = place[int(part)]
             else:
-                found = getattr(found, part)
+                place = getattr(place, part)
         except (AttributeError, IndexError, KeyError, ValueError):
             raise ValueError(
                 f"{path} is no number of this scenario: there is no {part!r} in "
-                f"{type(found).__name__}."
+                f"{type(place).__name__}."
             ) from None
-    return found
+    return place

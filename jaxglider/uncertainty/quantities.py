@@ -51,10 +51,10 @@ def waves(
         phase: distribution of the angle added to the nominal phase [rad], or None for
             nominal.
     """
-    found = list(_sinusoids(scenario.disturbance, "disturbance"))
+    sinusoids = list(_sinusoids(scenario.disturbance, "disturbance"))
     quantities = []
-    for number, (path, sinusoid) in enumerate(found, 1):
-        wave = "wave" if len(found) == 1 else f"wave{number}"
+    for number, (path, sinusoid) in enumerate(sinusoids, 1):
+        wave = "wave" if len(sinusoids) == 1 else f"wave{number}"
         for axis in AXES:
             nominal = float(getattr(sinusoid.amplitude, axis))
             if nominal == 0.0:

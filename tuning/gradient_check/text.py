@@ -17,8 +17,8 @@ def render(report: GradientReport) -> str:
     Args:
         report: report of `check_gradient`.
     """
-    shown = [k for k, h in enumerate(report.steps) if h >= REALISTIC]
-    titles = ["gradient", "error", *(percent(report.steps[k]) for k in shown)]
+    columns = [k for k, h in enumerate(report.steps) if h >= REALISTIC]
+    titles = ["gradient", "error", *(percent(report.steps[k]) for k in columns)]
     wide = max(len("gain"), *(len(name) for name in report.names))
     lines = [
         f"J = {report.value:.6g}, rounding noise {report.noise:.1e}. Under a step: the "
@@ -27,7 +27,7 @@ def render(report: GradientReport) -> str:
     ]
     for i, name in enumerate(report.names):
         cells = [f"{report.gradient[i]:.4g}", f"{report.error[i]:.1e}"]
-        cells += [f"{report.prediction[k, i]:.3g}" for k in shown]
+        cells += [f"{report.prediction[k, i]:.3g}" for k in columns]
         cells += [_figure(report.saturated[i], percent)]
         row = "".join(f"{cell:>12}" for cell in cells)
         lines.append(f"{name:<{wide}}{row}  {report.verdicts[i]}")

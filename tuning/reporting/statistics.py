@@ -147,7 +147,7 @@ def paired_difference(first: np.ndarray, second: np.ndarray) -> dict[str, Any]:
     usable = np.isfinite(first) & np.isfinite(second)
     difference = second[usable] - first[usable]
     wins, losses = int(np.sum(second < first)), int(np.sum(second > first))
-    found: dict[str, Any] = {
+    table: dict[str, Any] = {
         "pairs": len(difference),
         "difference": float(difference.mean()) if len(difference) else None,
         "interval": None,
@@ -159,12 +159,12 @@ def paired_difference(first: np.ndarray, second: np.ndarray) -> dict[str, Any]:
     }
     if len(difference) > 1:
         half = student_half_width(difference)
-        centre = found["difference"]
-        found["interval"] = [float(centre - half), float(centre + half)]
+        centre = table["difference"]
+        table["interval"] = [float(centre - half), float(centre + half)]
     if wins + losses:
-        found["win_rate"] = wins / (wins + losses)
-        found["win_interval"] = list(clopper_pearson(wins, wins + losses))
-    return found
+        table["win_rate"] = wins / (wins + losses)
+        table["win_interval"] = list(clopper_pearson(wins, wins + losses))
+    return table
 
 
 def discordant(first: np.ndarray, second: np.ndarray) -> dict[str, Any]:

@@ -179,13 +179,13 @@ def _check_constraints(
                 f"constraints must be among {', '.join(CONSTRAINTS)}; "
                 f"received {name!r}."
             )
-    given = disturbance_rate_bound is not None
-    if given != (OBSERVER_SET in constraints):
+    bounded = disturbance_rate_bound is not None
+    if bounded != (OBSERVER_SET in constraints):
         raise ValueError(
             f"{OBSERVER_SET} and disturbance_rate_bound go together; received "
-            + ("the bound alone." if given else "the constraint alone.")
+            + ("the bound alone." if bounded else "the constraint alone.")
         )
-    for axis, bound in vars(disturbance_rate_bound).items() if given else ():
+    for axis, bound in vars(disturbance_rate_bound).items() if bounded else ():
         if not 0.0 < float(bound) <= 1e4:
             raise ValueError(
                 f"disturbance_rate_bound.{axis} must be in (0, 10000]; "

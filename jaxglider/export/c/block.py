@@ -98,8 +98,8 @@ class Block:
         self, function: str, kinds: Sequence[str], operands: Sequence[Number]
     ) -> tuple[Number, ...]:
         """The results of a function that takes scalars and writes to addresses."""
-        given = ", ".join(x.text for x in operands)
-        key = (function, given)
+        arguments = ", ".join(x.text for x in operands)
+        key = (function, arguments)
         if key not in self._seen:
             varies = any(x.varies for x in operands)
             stem = f"v{len(self.statements)}"
@@ -108,8 +108,8 @@ class Block:
                 f"{C_TYPES[k]} {n};" for k, n in zip(kinds, names, strict=True)
             )
             addresses = ", ".join(f"&{n}" for n in names)
-            separator = ", " if given else ""
-            line = f"{declared} {function}({given}{separator}{addresses});"
+            separator = ", " if arguments else ""
+            line = f"{declared} {function}({arguments}{separator}{addresses});"
             defines = tuple(zip(names, kinds, strict=True))
             self._add(defines, line, operands, f"call {function}", varies)
             self._seen[key] = tuple(Number(k, n, varies) for n, k in defines)
@@ -147,12 +147,12 @@ class Block:
     def needed(self, results: Sequence[Number]) -> list[Statement]:
         """The statements that the results depend on."""
         wanted = {x.text for x in results}
-        kept = []
+        statements = []
         for statement in reversed(self.statements):
             if any(name in wanted for name, _ in statement.defines):
                 wanted.update(statement.uses)
-                kept.append(statement)
-        return kept[::-1]
+                statements.append(statement)
+        return statements[::-1]
 
 
 def literal(value: Any, kind: str) -> Number:
@@ -164,11 +164,11 @@ def literal(value: Any, kind: str) -> Number:
         return Number(
             kind, f"{C_TYPES[kind].upper()[:-2]}_C({int(whole)})", False, whole
         )
-    given = float(value)
-    if np.isnan(given):
+    real = float(value)
+    if np.isnan(real):
         text = "NAN"
-    elif np.isinf(given):
-        text = "INFINITY" if given > 0 else "-INFINITY"
+    elif np.isinf(real):
+        text = "INFINITY" if real > 0 else "-INFINITY"
     else:
-        text = repr(given)
+        text = repr(real)
     return Number(kind, f"REAL({text})", False, value)

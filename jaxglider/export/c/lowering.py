@@ -178,15 +178,15 @@ class Lowering:
         """All branches are computed, and one is taken."""
         which, *operands = x
         results = [self.closed(branch, operands) for branch in branches]
-        taken = []
+        selections = []
         for cases in zip(*results, strict=True):
             rows = zip(*(c.ravel() for c in cases), strict=True)
             numbers = [
                 apply(self.block, "select_n", (which[()], *row), row[0].kind, {})
                 for row in rows
             ]
-            taken.append(whole(numbers, cases[0].shape))
-        return taken
+            selections.append(whole(numbers, cases[0].shape))
+        return selections
 
     def _scan(self, equation: Any, x: list[Array]) -> list[Array]:
         """All steps are written out."""
@@ -199,15 +199,15 @@ class Lowering:
         constants, carry = x[:first], x[first : first + count]
         rows = x[first + count :]
         order = range(steps)
-        kept: list[list[Array]] = []
+        outputs: list[list[Array]] = []
         for n in reversed(order) if params["reverse"] else order:
-            given = [np.asarray(r[n], dtype=object) for r in rows]
-            results = self.closed(params["jaxpr"], [*constants, *carry, *given])
+            inputs = [np.asarray(r[n], dtype=object) for r in rows]
+            results = self.closed(params["jaxpr"], [*constants, *carry, *inputs])
             carry = results[:count]
-            kept.append(results[count:])
+            outputs.append(results[count:])
         if params["reverse"]:
-            kept.reverse()
-        stacked = [np.stack(column) for column in zip(*kept, strict=True)]
+            outputs.reverse()
+        stacked = [np.stack(column) for column in zip(*outputs, strict=True)]
         return [*carry, *stacked]
 
     def _call(self, closed: Any, x: list[Array]) -> Sequence[Array]:

@@ -133,8 +133,8 @@ def write_function(
     statements = block.needed(wanted)
     used = " ".join(s.text for s in statements) + " ".join(stores)
     unread = [a.name for a in arguments if not re.search(rf"\b{a.name}->", used)]
-    given = ", ".join(_declared(a) for a in arguments)
-    prototype = f"void {name}({given})"
+    signature = ", ".join(_declared(a) for a in arguments)
+    prototype = f"void {name}({signature})"
     body = [f"(void){n};" for n in unread]
     body += [s.text for s in statements] + stores
     return Written(prototype, summary, _function(prototype, body), statements)
@@ -187,8 +187,8 @@ def helper_text(functions: Functions) -> str:
 
 
 def _static(function: Outlined) -> str:
-    given = [f"const {C_TYPES[k]} a{n}" for n, k in enumerate(function.arguments)]
-    given += [f"{C_TYPES[r.kind]} *r{n}" for n, r in enumerate(function.results)]
+    signature = [f"const {C_TYPES[k]} a{n}" for n, k in enumerate(function.arguments)]
+    signature += [f"{C_TYPES[r.kind]} *r{n}" for n, r in enumerate(function.results)]
     statements = function.block.needed(function.results)
     stores = [f"*r{n} = {r.text};" for n, r in enumerate(function.results)]
     used = " ".join([*(s.text for s in statements), *stores])
@@ -198,7 +198,7 @@ def _static(function: Outlined) -> str:
         if not re.search(rf"\ba{n}\b", used)
     ]
     body += [s.text for s in statements] + stores
-    return _function(f"static void {function.name}({', '.join(given)})", body)
+    return _function(f"static void {function.name}({', '.join(signature)})", body)
 
 
 def constants_text(kind: str, name: str, tree: Any) -> str:

@@ -49,14 +49,14 @@ def gradient_scores(
         for scale, q in zip(scales, campaign.uncertainty.quantities, strict=True)
     ]
     sizes = np.stack(columns, axis=-1)
-    found = {}
+    scores = {}
     for place, channel in enumerate(CHANNELS):
         usable = np.all(np.isfinite(sizes[:, place]), axis=1)
         median = np.median(sizes[usable, place], axis=0) if usable.any() else None
-        found[f"{channel}.rms_error"] = (
+        scores[f"{channel}.rms_error"] = (
             np.full(len(columns), np.nan) if median is None else median
         )
-    return found
+    return scores
 
 
 def _slopes(loop: ClosedLoop, member: Member) -> dict[str, jax.Array]:
@@ -64,8 +64,8 @@ def _slopes(loop: ClosedLoop, member: Member) -> dict[str, jax.Array]:
 
     def errors(values: dict[str, jax.Array]) -> jax.Array:
         metrics = evaluate(*with_member(loop, Member(values, member.key)))
-        found = [getattr(metrics.channels, c).rms_error for c in CHANNELS]
-        return jnp.stack(found)
+        columns = [getattr(metrics.channels, c).rms_error for c in CHANNELS]
+        return jnp.stack(columns)
 
     _, pull = jax.vjp(errors, member.values)
     # One backward pass after the other: side by side they would take three times

@@ -72,12 +72,12 @@ def drivers(table: Rows, names: tuple[str, ...], number: int) -> dict[str, Any]:
         names: names of the uncertain numbers.
         number: number of the set of gains.
     """
-    found = {}
+    tables = {}
     values = np.array(table.rows["values"])
     for name in OUTPUTS:
         ranked = rank_correlations(values, output(table, number, name))
         order = np.argsort(-np.abs(ranked["rho"]), kind="stable")
-        found[name] = [
+        tables[name] = [
             {
                 "quantity": names[j],
                 "rho": float(ranked["rho"][j]),
@@ -85,4 +85,4 @@ def drivers(table: Rows, names: tuple[str, ...], number: int) -> dict[str, Any]:
             }
             for j in order
         ]
-    return found
+    return tables

@@ -79,8 +79,8 @@ class Requirement:
         chosen = [self.label] if self.label else list(controllers)
         return [self._judge(label, controllers[label]) for label in chosen]
 
-    def _judge(self, label: str, found: dict[str, Any]) -> dict[str, Any]:
-        estimate, interval = self._look_up(found)
+    def _judge(self, label: str, summary: dict[str, Any]) -> dict[str, Any]:
+        estimate, interval = self._look_up(summary)
         holds = _OPERATORS[self.comparison]
         less = self.comparison.startswith("<")
         end = interval[1 if less else 0] if interval else estimate
@@ -98,12 +98,12 @@ class Requirement:
             "verdict": verdict,
         }
 
-    def _look_up(self, found: dict[str, Any]) -> tuple[float | None, Any]:
+    def _look_up(self, summary: dict[str, Any]) -> tuple[float | None, Any]:
         if self.quantity in PROBABILITIES:
-            entry = found["probabilities"][self.quantity]
+            entry = summary["probabilities"][self.quantity]
             return entry["p"], entry["interval"]
         measure, _, statistic = self.quantity.rpartition(".")
-        entry = found["measures"][measure][statistic]
+        entry = summary["measures"][measure][statistic]
         if isinstance(entry, dict):
             return entry["value"], entry["interval"]
         return entry, None

@@ -65,8 +65,8 @@ def ribbons(campaign: Campaign, number: int, count: int, worst: int) -> Ribbons:
     time = np.asarray(clock.times())[:-1][::step]
     errors, edges, last = {}, {}, {}
     for name in CHANNELS:
-        seen = np.where(active, getattr(error, name), np.nan)
-        errors[name], last[name] = seen[:-1], seen[-1]
+        curves = np.where(active, getattr(error, name), np.nan)
+        errors[name], last[name] = curves[:-1], curves[-1]
         edges[name] = (getattr(lower, name)[-1], getattr(upper, name)[-1])
     return Ribbons(time, errors, edges, last)
 
@@ -84,7 +84,7 @@ def _errors(
         return after, (record.active, record.error, lower, upper)
 
     loop_of_member, sea, noise = with_member(loop, member)
-    kept = roll(loop_of_member, sea, noise, tick)[1]
+    outputs = roll(loop_of_member, sea, noise, tick)[1]
     thinned: tuple[Series, Channels[Series], Channels[Series], Channels[Series]]
-    thinned = jax.tree.map(lambda x: x[::step], kept)
+    thinned = jax.tree.map(lambda x: x[::step], outputs)
     return thinned

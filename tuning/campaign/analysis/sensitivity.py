@@ -88,13 +88,13 @@ def sensitivities(
     """
     design = design_of(campaign, blocks)
     names = [*campaign.uncertainty.names(), *([CHANCE] if design.chance else [])]
-    for number, found in enumerate(summary["controllers"].values()):
+    for number, part in enumerate(summary["controllers"].values()):
         scores = gradient_scores(campaign, number, len(table))
-        found["sensitivity"] = {
+        part["sensitivity"] = {
             name: _one(
                 names,
                 indices(output(runs, number, name).reshape(blocks, design.block)),
-                found["rank_correlations"][name],
+                part["rank_correlations"][name],
                 scores.get(name),
             )
             for name in OUTPUTS
@@ -152,20 +152,24 @@ def agreement(rows: list[dict[str, Any]]) -> dict[str, Any]:
         all(scores[i] is not None for scores in ways.values() if any(scores))
         for i in range(len(rows))
     ]
-    kept = {
+    complete = {
         way: np.array([s for s, k in zip(scores, known, strict=True) if k], float)
         for way, scores in ways.items()
         if any(scores)
     }
     listed = [row["quantity"] for row, k in zip(rows, known, strict=True) if k]
-    places = {way: stats.rankdata(-scores, "ordinal") for way, scores in kept.items()}
-    found: dict[str, float] = {}
+    places = {
+        way: stats.rankdata(-scores, "ordinal") for way, scores in complete.items()
+    }
+    correlations: dict[str, float] = {}
     apart = []
-    for one in kept:
-        for other in kept:
+    for one in complete:
+        for other in complete:
             if one < other and len(listed) > 2:
                 pair = f"{one} / {other}"
-                found[pair] = float(stats.spearmanr(kept[one], kept[other]).statistic)
+                correlations[pair] = float(
+                    stats.spearmanr(complete[one], complete[other]).statistic
+                )
             for name, here, there in zip(
                 listed, places[one], places[other], strict=True
             ):
@@ -174,4 +178,4 @@ def agreement(rows: list[dict[str, Any]]) -> dict[str, Any]:
                         f"{name} is number {int(here)} by {one}, "
                         f"{int(there)} by {other}"
                     )
-    return {"agreement": found, "disagreements": apart}
+    return {"agreement": correlations, "disagreements": apart}

@@ -70,7 +70,7 @@ def summarise(
                 name: spread(table.column(number, name), level) for name in MEASURES
             },
         }
-    told = settings.uncertainty
+    uncertainty = settings.uncertainty
     return {
         "scenario": settings.scenario,
         "plant": settings.plant,
@@ -78,7 +78,7 @@ def summarise(
         "precision": settings.precision,
         "design": settings.design,
         "seed": settings.seed,
-        "uncertainty": told if isinstance(told, float) else "file",
+        "uncertainty": uncertainty if isinstance(uncertainty, float) else "file",
         "members": len(table),
         "members_asked_for": settings.members,
         "confidence": level,
@@ -156,28 +156,30 @@ LINES = {
 def text_summary(summary: dict[str, Any]) -> str:
     """The summary as a table for a terminal."""
     controllers = summary["controllers"]
-    told = summary["uncertainty"]
-    half = f"{100 * told:g} %" if isinstance(told, float) else "from a file"
+    uncertainty = summary["uncertainty"]
+    half = (
+        f"{100 * uncertainty:g} %" if isinstance(uncertainty, float) else "from a file"
+    )
     rows = [["probability", *controllers]]
     for name, title in LINES.items():
         if name == "p_unfinished" and not summary["has_waypoints"]:
             continue
-        found = [of["probabilities"][name] for of in controllers.values()]
-        rows.append([title, *map(in_interval, found)])
+        entries = [of["probabilities"][name] for of in controllers.values()]
+        rows.append([title, *map(in_interval, entries)])
     rows.append(["95 % of members below"])
     for channel, unit in CHANNELS.items():
         name = f"{channel}.rms_error"
-        found = [of["measures"][name]["q95"] for of in controllers.values()]
-        rows.append([f"  {channel} L2[e] [{unit}]", *map(_quantile, found)])
+        entries = [of["measures"][name]["q95"] for of in controllers.values()]
+        rows.append([f"  {channel} L2[e] [{unit}]", *map(_quantile, entries)])
     lines = [
         f"{summary['members']} members, {summary['scenario']} on {summary['plant']}, "
         f"uncertainty {half}, {100 * summary['confidence']:g} % intervals",
         *_aligned(rows),
     ]
-    for label, found in controllers.items():
+    for label, entries in controllers.items():
         lines.append(
-            f"{label}: worst member {found['worst_member']}, "
-            f"median {found['median_member']}"
+            f"{label}: worst member {entries['worst_member']}, "
+            f"median {entries['median_member']}"
         )
     for entry in summary.get("requirements", ()):
         lines.append(
@@ -194,14 +196,14 @@ def _aligned(rows: list[list[str]]) -> list[str]:
     return [line.rstrip() for line in lines]
 
 
-def in_interval(found: dict[str, Any]) -> str:
+def in_interval(estimate: dict[str, Any]) -> str:
     """A probability with its interval."""
-    low, high = found["interval"]
-    return f"{found['p']:.4g} [{low:.4g}, {high:.4g}]"
+    low, high = estimate["interval"]
+    return f"{estimate['p']:.4g} [{low:.4g}, {high:.4g}]"
 
 
-def _quantile(found: dict[str, Any]) -> str:
-    return f"{short(found['value'])} {brackets(found['interval'])}"
+def _quantile(estimate: dict[str, Any]) -> str:
+    return f"{short(estimate['value'])} {brackets(estimate['interval'])}"
 
 
 def brackets(interval: list[Any] | None) -> str:

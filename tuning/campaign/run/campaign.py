@@ -101,10 +101,10 @@ class CampaignSettings:
         return table
 
     @classmethod
-    def of(cls, told: dict[str, Any]) -> "CampaignSettings":
+    def of(cls, table: dict[str, Any]) -> "CampaignSettings":
         """Settings from what `dataclasses.asdict` made of them."""
-        gains = tuple(Gains(**entry) for entry in told["gains"])
-        return cls(**{**told, "gains": gains})
+        gains = tuple(Gains(**entry) for entry in table["gains"])
+        return cls(**{**table, "gains": gains})
 
 
 def _parsed(content: Any) -> Any:
@@ -170,18 +170,18 @@ def build(settings: CampaignSettings) -> Campaign:
     )
 
 
-def _uncertainty(given: float | str, scenario: Scenario) -> Uncertainty:
-    if isinstance(given, str):
+def _uncertainty(level: float | str, scenario: Scenario) -> Uncertainty:
+    if isinstance(level, str):
         try:
-            return build_uncertainty(tomllib.loads(given), scenario)
+            return build_uncertainty(tomllib.loads(level), scenario)
         except (ConfigError, tomllib.TOMLDecodeError) as error:
             raise ConfigError(f"--uncertainty: {error}") from error
-    if given == 0.0:
+    if level == 0.0:
         raise ConfigError(
             "--uncertainty must be above zero for a sweep; received 0. For the nominal "
             "run alone use `jaxglider compare`."
         )
-    return uniform_uncertainty(scenario, given, given)
+    return uniform_uncertainty(scenario, level, level)
 
 
 def make_sampler(settings: CampaignSettings, names: Sequence[str]) -> AbstractSampler:

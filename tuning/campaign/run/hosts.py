@@ -22,10 +22,10 @@ def join_hosts(options: argparse.Namespace) -> None:
     Raises:
         ValueError: they do not go together.
     """
-    given = [options.coordinator is not None, options.hosts > 1]
-    if given == [False, False] and options.host == 0:
+    several = [options.coordinator is not None, options.hosts > 1]
+    if several == [False, False] and options.host == 0:
         return
-    if given != [True, True] or options.host >= options.hosts:
+    if several != [True, True] or options.host >= options.hosts:
         raise ValueError(
             "--coordinator ADDRESS:PORT, --hosts N and --host I go together, with "
             f"N > 1 and 0 <= I < N; received {options.coordinator}, {options.hosts} "

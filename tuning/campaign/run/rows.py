@@ -25,8 +25,8 @@ COLUMNS = (*(f"{c}.{m}" for c in CHANNELS for m in MEASURES), *OUTCOMES)
 def flatten(metrics: Metrics) -> np.ndarray:
     """Metrics with leading axes as numbers, columns last."""
     paths = [f"channels.{name}" if "." in name else name for name in COLUMNS]
-    found = [np.asarray(attrgetter(path)(metrics), np.float64) for path in paths]
-    return np.stack(found, axis=-1)
+    columns = [np.asarray(attrgetter(path)(metrics), np.float64) for path in paths]
+    return np.stack(columns, axis=-1)
 
 
 def unit(column: str) -> str:
@@ -69,8 +69,8 @@ def checksums(rows: np.ndarray) -> np.ndarray:
     """CRC-32 of each row, but for the sum itself."""
     size = rows.dtype.itemsize
     data = np.ascontiguousarray(rows).tobytes()
-    kept = size - rows.dtype["check"].itemsize
-    sums = [zlib.crc32(data[at : at + kept]) for at in range(0, len(data), size)]
+    length = size - rows.dtype["check"].itemsize
+    sums = [zlib.crc32(data[at : at + length]) for at in range(0, len(data), size)]
     return np.asarray(sums, np.uint32)
 
 
