@@ -154,6 +154,14 @@ class Command(Container, Generic[T]):
     mass_angle: T = _number()
 
 
+CHANNEL_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
+"""SI unit of each controlled output, by the fields of `Channels`."""
+CHANNELS = tuple(CHANNEL_UNITS)
+"""Names of the controlled outputs."""
+COMMAND_UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
+"""SI unit of each command, by the fields of `Command`."""
+
+
 class Reference(eqx.Module):
     """What the glider should do now.
 

@@ -22,6 +22,7 @@ from jaxglider.core.toml import (
     refuse_unknown,
     whole_number,
 )
+from jaxglider.signals import CHANNEL_UNITS
 
 FAMILIES: dict[type, dict[str, type]] = {
     AbstractController: {
@@ -44,9 +45,6 @@ _NAMED: dict[str, dict[str, Callable[..., Any]]] = {"exponents": EXPONENTS}
 
 
 _LEFT_OUT = ("model",)
-
-
-_CHANNEL_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
 
 
 def encode(thing: eqx.Module, channel: str = "") -> dict[str, Any]:
@@ -154,5 +152,5 @@ def _fields(thing: Any) -> list[dataclasses.Field[Any]]:
 def _key(field: dataclasses.Field[Any], channel: str) -> str:
     unit = field.metadata.get("unit", "")
     if unit == "channel":
-        unit = _CHANNEL_UNITS.get(channel, "")
+        unit = CHANNEL_UNITS.get(channel, "")
     return f"{field.name}_{unit}" if unit else field.name

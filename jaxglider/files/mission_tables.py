@@ -29,13 +29,12 @@ from jaxglider.guidance import (
     Schedule,
     WaypointPath,
 )
-from jaxglider.signals import BodyAxes, Command, GliderState
+from jaxglider.signals import COMMAND_UNITS, BodyAxes, Command, GliderState
 from jaxglider.simulation.scenario import Clock
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.parameters import GliderParameters, VehicleData
 from jaxglider.vehicle.published import load_vehicle, vehicle_of
 
-_UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
 STATE_UNITS = {
     **dict.fromkeys(("north", "east", "depth"), ("m", 1.0)),
     **dict.fromkeys(("roll", "pitch", "heading"), ("deg", math.pi / 180)),
@@ -89,7 +88,7 @@ def read_clock(table: TomlTable) -> Clock:
 def read_actuators(table: TomlTable, limits: Command[Any]) -> Command[Actuator]:
     """The three actuators; the limits of the vehicle by default."""
     made = {}
-    for name, unit in _UNITS.items():
+    for name, unit in COMMAND_UNITS.items():
         one = table.table(name)
         rate = one.get(f"rate_limit_{unit}_s", None)
         lag = one.get("time_constant_s", None)

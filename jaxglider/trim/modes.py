@@ -5,12 +5,11 @@ import dataclasses
 import numpy as np
 import scipy.linalg
 
+from jaxglider.signals import CHANNELS
 from jaxglider.trim.linear_model import STATES
 
 LATERAL = ("roll", "heading", "sway", "roll_rate", "yaw_rate")
 """States that a glider in the vertical plane does not leave at zero."""
-
-OUTPUTS = ("depth", "pitch", "heading")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,7 +110,7 @@ def transmission_zeros(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     The finite s for which [[A − s, B], [C, 0]] is singular, with depth, pitch and
     heading as outputs.
     """
-    outputs = [STATES.index(name) for name in OUTPUTS]
+    outputs = [STATES.index(name) for name in CHANNELS]
     n, m = b.shape
     whole = np.block([[a, b], [np.eye(n)[outputs], np.zeros((m, m))]])
     shifted = np.zeros_like(whole)
@@ -138,7 +137,7 @@ def zero_dynamics(
     Returns:
         One row a time.
     """
-    c = np.eye(len(a))[[STATES.index(name) for name in OUTPUTS]]
+    c = np.eye(len(a))[[STATES.index(name) for name in CHANNELS]]
     lifted = np.vstack([c, c @ a])
     held = a - b @ np.linalg.solve(c @ a @ b, c @ a @ a)
     x = start - np.linalg.pinv(lifted) @ lifted @ start

@@ -7,10 +7,10 @@ import jax
 import numpy as np
 
 from jaxglider.files.results import metrics_dict
+from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from tuning.problem.members import nominal_member
-from tuning.problem.objective import CHANNELS
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.statistics import student_half_width
 

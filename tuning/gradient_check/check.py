@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.core.batching import map_members
+from jaxglider.signals import CHANNELS
 from jaxglider.simulation.metrics import Metrics
 from tuning.gradient_check.probe import REALISTIC, Kind, Probe, difference_points, judge
 
@@ -216,7 +217,7 @@ def saturation(metrics: Metrics) -> dict[str, float]:
     """
     return {
         channel: float(np.mean(getattr(metrics.channels, channel).time_saturated))
-        for channel in ("depth", "pitch", "heading")
+        for channel in CHANNELS
     }
 
 

@@ -15,9 +15,9 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Scalar
+from jaxglider.signals import CHANNELS
 from jaxglider.simulation.metrics import Metrics
 
-CHANNELS = ("depth", "pitch", "heading")
 UNIT = 7.5
 """Cost of a run that tracks like the start, with the default weights."""
 Cost = Callable[[Metrics, Metrics], Scalar]

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from jaxglider import paper
+from jaxglider.signals import CHANNEL_UNITS
 
 CAVEAT = (
     "The printed values are shown as they stand in the paper. Its transient values are "
@@ -30,7 +31,6 @@ _COLUMNS = {
     "chattering": "chatter",
     "time_outside_funnel": "outside",
 }
-_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
 
 
 def text_table(runs: list[dict[str, Any]]) -> str:
@@ -44,7 +44,7 @@ def text_table(runs: list[dict[str, Any]]) -> str:
         f"{'channel':<14}{'controller':<{wide}}{head}"
         + (f"{'paper L2[e]':>13}" if compared else ""),
     ]
-    for channel, unit in _UNITS.items():
+    for channel, unit in CHANNEL_UNITS.items():
         for run in runs:
             measures = run["channels"][channel]
             cells = "".join(f"{figure(measures[k]):>10}" for k in _COLUMNS)
@@ -94,7 +94,7 @@ def _markdown_group(group: list[dict[str, Any]]) -> list[str]:
         "| channel | measure | " + " | ".join(titles) + " |",
         "|---|---|" + "---:|" * len(titles),
     ]
-    for channel, unit in _UNITS.items():
+    for channel, unit in CHANNEL_UNITS.items():
         for row, (key, title) in {**_PAPER_ROWS, **_OWN_ROWS}.items():
             cells = []
             for run in group:

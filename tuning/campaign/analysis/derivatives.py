@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.core.batching import map_members
+from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import evaluate
 from jaxglider.uncertainty.members import Member, with_member
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.loop import draw
-from tuning.campaign.run.rows import CHANNELS
 
 MEMBERS = 64
 _BLOCK = 32

@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from scipy import special
 
+from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.summary import severity
-from tuning.campaign.run.rows import CHANNELS, Rows
+from tuning.campaign.run.rows import Rows
 
 SEVERITY = "severity"
 """Name of the largest error over the edge of its funnel, over all channels."""

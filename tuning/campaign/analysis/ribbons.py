@@ -7,14 +7,13 @@ import numpy as np
 
 from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Series
-from jaxglider.signals import Channels
+from jaxglider.signals import CHANNELS, Channels
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import roll
 from jaxglider.simulation.tick import Carry, TickInput
 from jaxglider.uncertainty.members import Member, with_member
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.loop import draw
-from tuning.campaign.run.rows import CHANNELS
 
 MEMBERS = 256
 """Number of members, from the first, whose errors make the ribbons."""

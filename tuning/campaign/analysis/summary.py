@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from jaxglider.signals import CHANNEL_UNITS, CHANNELS
 from tuning.campaign.run.campaign import CampaignSettings
-from tuning.campaign.run.rows import CHANNELS, Rows
+from tuning.campaign.run.rows import Rows
 from tuning.reporting.statistics import (
     discordant,
     paired_difference,
@@ -167,7 +168,7 @@ def text_summary(summary: dict[str, Any]) -> str:
         entries = [of["probabilities"][name] for of in controllers.values()]
         rows.append([title, *map(in_interval, entries)])
     rows.append(["95 % of members below"])
-    for channel, unit in CHANNELS.items():
+    for channel, unit in CHANNEL_UNITS.items():
         name = f"{channel}.rms_error"
         entries = [of["measures"][name]["q95"] for of in controllers.values()]
         rows.append([f"  {channel} L2[e] [{unit}]", *map(_quantile, entries)])

@@ -8,8 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from jaxglider.plotting.style import FAINT, INK, flat, label_time, legend_above, styles
+from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.ribbons import Ribbons
-from tuning.campaign.run.rows import CHANNELS, Rows
+from tuning.campaign.run.rows import Rows
 from tuning.reporting.statistics import clopper_pearson
 
 _SHOWN = {"depth": ("m", 1.0), "pitch": ("deg", 180.0 / np.pi)}

@@ -15,6 +15,7 @@ from jaxglider.plotting.style import (
     new_figure,
     styles,
 )
+from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.rank_correlations import SEVERITY
 from tuning.campaign.analysis.ribbons import ribbons
 from tuning.campaign.analysis.summary import (
@@ -27,7 +28,7 @@ from tuning.campaign.analysis.summary import (
 from tuning.campaign.report import figures
 from tuning.campaign.report.sensitivity_section import blamed, sobol_figure
 from tuning.campaign.run.campaign import Campaign
-from tuning.campaign.run.rows import CHANNELS, Rows, unit
+from tuning.campaign.run.rows import Rows, unit
 from tuning.reporting.tables import markdown_table
 
 _TOP = 8

@@ -10,10 +10,11 @@ from operator import attrgetter
 
 import numpy as np
 
+from jaxglider.signals import CHANNEL_UNITS, CHANNELS, COMMAND_UNITS
 from jaxglider.simulation.metrics import ChannelMetrics, Metrics
 
-CHANNELS = {"depth": "m", "pitch": "rad", "heading": "rad"}
-_EFFORTS = {"depth": "kg", "pitch": "m", "heading": "rad"}
+_EFFORTS = dict(zip(CHANNELS, COMMAND_UNITS.values(), strict=True))
+"""Unit of the command that belongs to each channel."""
 
 MEASURES = tuple(field.name for field in dataclasses.fields(ChannelMetrics))
 OUTCOMES = tuple(f.name for f in dataclasses.fields(Metrics) if f.name != "channels")
@@ -33,7 +34,7 @@ def unit(column: str) -> str:
     """SI unit of a column."""
     channel, _, measure = column.rpartition(".")
     if measure in ("max_error", "max_error_settled", "rms_error"):
-        return CHANNELS[channel]
+        return CHANNEL_UNITS[channel]
     if measure in ("rms_effort", "chattering"):
         return _EFFORTS[channel]
     return {"end_time": "s", "max_roll": "rad", "max_pitch": "rad"}.get(measure, "1")
