@@ -91,10 +91,10 @@ def cost_of(source: Source) -> Cost:
         return structures[name].size(4), structures[name].size(8)
 
     return Cost(
-        {kind: counts[kind] for kind in _CYCLES},
-        size("state"),
-        size("parameters"),
-        (cycles[0] / MEGAHERTZ, cycles[1] / MEGAHERTZ),
+        operations={kind: counts[kind] for kind in _CYCLES},
+        state_bytes=size("state"),
+        constant_bytes=size("parameters"),
+        microseconds=(cycles[0] / MEGAHERTZ, cycles[1] / MEGAHERTZ),
     )
 
 

@@ -115,13 +115,13 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
         ),
     }
     return Source(
-        header_text("plant", about, structures, functions),
-        source_text(
+        header=header_text("plant", about, structures, functions),
+        source=source_text(
             "plant", about, structures["parameters"].example, functions, shared
         ),
-        functions,
-        shared,
-        structures,
+        functions=functions,
+        shared=shared,
+        structures=structures,
     )
 
 
@@ -129,7 +129,10 @@ def truth_of(loop: ClosedLoop) -> ExportedPlant:
     """What the glider of a closed loop really is."""
     scenario = loop.scenario
     return ExportedPlant(
-        scenario.plant, scenario.actuators, scenario.clock.dt, scenario.water
+        plant=scenario.plant,
+        actuators=scenario.actuators,
+        dt=scenario.clock.dt,
+        water=scenario.water,
     )
 
 

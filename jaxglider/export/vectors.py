@@ -53,7 +53,14 @@ def _tick(
         if jnp.issubdtype(x.dtype, jnp.integer)
     ]
     segment = jnp.asarray(sum(whole, 0), jnp.int32)
-    return after, TickLog(time, measured, planned, command, status, segment)
+    return after, TickLog(
+        time=time,
+        measured=measured,
+        planned=planned,
+        command=command,
+        status=status,
+        segment=segment,
+    )
 
 
 @jax.jit

@@ -82,12 +82,12 @@ class Schedule(Container):
         begun = jnp.concatenate([self.initial_depth[None], reached[:-1]])
         rate = self.depth_rate[number]
         return Segment(
-            number,
-            clock,
-            begun[number] + rate * clock,
-            rate,
-            self.gliding_angle[number],
-            self.heading[number],
+            number=number,
+            clock=clock,
+            depth=begun[number] + rate * clock,
+            depth_rate=rate,
+            gliding_angle=self.gliding_angle[number],
+            heading=self.heading[number],
         )
 
 

@@ -111,16 +111,18 @@ class Autopilot(eqx.Module):
         zero = jnp.zeros_like(self.dt)
         still = zeros(GliderState, zero)
         return AutopilotState(
-            jnp.asarray(False),
-            TimeState(zero, zero, zero, jnp.asarray(0, jnp.int32)),
-            jnp.asarray(0, jnp.int32),
-            still,
-            still.attitude(),
-            zeros(Command, zero),
-            self._planned(zero),
-            self.reference.init(still),
-            self.controller.init(),
-            self.observer.init(still),
+            started=jnp.asarray(False),
+            time=TimeState(
+                now=zero, stamp=zero, offset=zero, steady=jnp.asarray(0, jnp.int32)
+            ),
+            silent=jnp.asarray(0, jnp.int32),
+            measured=still,
+            attitude=still.attitude(),
+            held=zeros(Command, zero),
+            planned=self._planned(zero),
+            reference=self.reference.init(still),
+            controller=self.controller.init(),
+            observer=self.observer.init(still),
         )
 
     def plan(self, state: AutopilotState, time: Scalar) -> Any:
@@ -155,7 +157,10 @@ class Autopilot(eqx.Module):
         observer, observer_reset = self._observe(state, believed, complete, afresh)
         attitude = believed.attitude()
         known = Measurement(
-            believed, attitude, state.held, self.observer.estimate(observer)
+            state=believed,
+            attitude=attitude,
+            applied=state.held,
+            disturbance=self.observer.estimate(observer),
         )
         aim, guidance = self._guide(state, planned, known)
         wanted, controller, controller_reset = self._decide(
@@ -176,16 +181,16 @@ class Autopilot(eqx.Module):
             "finished": aim.finished,
         }
         after = AutopilotState(
-            state.started | complete,
-            following,
-            silent,
-            believed,
-            attitude,
-            held,
-            planned,
-            guidance,
-            controller,
-            observer,
+            started=state.started | complete,
+            time=following,
+            silent=silent,
+            measured=believed,
+            attitude=attitude,
+            held=held,
+            planned=planned,
+            reference=guidance,
+            controller=controller,
+            observer=observer,
         )
         word = sum(jnp.where(flags[name], bit, 0) for name, bit in BITS.items())
         return after, command, jnp.asarray(word, jnp.int32)
@@ -203,10 +208,10 @@ class Autopilot(eqx.Module):
     ) -> tuple[Any, Flag]:
         """The observer's state now that the measurement is known."""
         before = Measurement(
-            state.measured,
-            state.attitude,
-            state.held,
-            self.observer.estimate(state.observer),
+            state=state.measured,
+            attitude=state.attitude,
+            applied=state.held,
+            disturbance=self.observer.estimate(state.observer),
         )
         stepped = self.observer.step(
             state.observer, before, state.held, believed, self.dt
@@ -270,10 +275,10 @@ def autopilot(loop: ClosedLoop, guard: Guard | None = None) -> Autopilot:
     """
     scenario = loop.scenario
     return Autopilot(
-        loop.controller,
-        loop.observer,
-        scenario.reference,
-        scenario.actuators,
-        scenario.clock.dt,
-        Guard() if guard is None else guard,
+        controller=loop.controller,
+        observer=loop.observer,
+        reference=scenario.reference,
+        actuators=scenario.actuators,
+        dt=scenario.clock.dt,
+        guard=Guard() if guard is None else guard,
     )

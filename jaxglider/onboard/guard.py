@@ -129,7 +129,7 @@ def mission_time(
     offset = jnp.where(running & set_back, onward - reading, old.offset)
     now = jnp.where(believed, reading + offset, onward)
     ticking = finite & running
-    return TimeState(now, reading, offset, steady), {
+    return TimeState(now=now, stamp=reading, offset=offset, steady=steady), {
         "clock_invalid": ~finite,
         "clock_stuck": ticking & (elapsed == 0.0),
         "clock_backwards": ticking & (elapsed < 0.0),

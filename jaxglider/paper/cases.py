@@ -111,14 +111,14 @@ def make_scenario(
     data = load_vehicle(vehicle)
     start = GliderState.at_rest(east=3.0 if scenario == "waypoints" else 0.0)
     return Scenario(
-        Clock.lasting(
+        clock=Clock.lasting(
             DURATION[scenario] if duration is None else duration, dt, substeps
         ),
-        PLANTS[plant](data),
-        map_fields(Actuator, data.limits),
-        disturbance(),
-        reference(scenario),
-        start,
+        plant=PLANTS[plant](data),
+        actuators=map_fields(Actuator, data.limits),
+        disturbance=disturbance(),
+        reference=reference(scenario),
+        initial_state=start,
     )
 
 

@@ -81,10 +81,10 @@ def analyse(a: np.ndarray, b: np.ndarray, limits: np.ndarray) -> Analysis:
         share = np.sum(np.abs(right[sideways, n]) ** 2)
         modes.append(
             Mode(
-                complex(values[n]),
-                float(share / np.sum(np.abs(right[:, n]) ** 2)),
-                tuple(np.abs(left[:, n].conj() @ driven / scale).tolist()),
-                _distance(inner, driven, values[n]),
+                eigenvalue=complex(values[n]),
+                lateral=float(share / np.sum(np.abs(right[:, n]) ** 2)),
+                reach=tuple(np.abs(left[:, n].conj() @ driven / scale).tolist()),
+                distance=_distance(inner, driven, values[n]),
             )
         )
     return Analysis(tuple(modes), _rank(a, b), len(a))

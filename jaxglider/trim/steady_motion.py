@@ -185,14 +185,26 @@ def _describe(x: Float[Array, "9"], left: Scalar) -> SteadyMotion:
     exact = left < jnp.finfo(x.dtype).eps ** 0.6
     forward = (state.surge > 0.0) & (jnp.cos(state.roll) > 0.0)
     forward &= jnp.abs(state.pitch) < 0.5 * math.pi
-    return SteadyMotion(state, command, omega, left, exact & forward)
+    return SteadyMotion(
+        state=state,
+        command=command,
+        turn_rate=omega,
+        residual=left,
+        converged=exact & forward,
+    )
 
 
 def _residual(plant: AbstractPlant, target: Target, x: Array) -> Array:
     """Accelerations, and by how much the target is missed."""
     state, command, omega = _unpack(x)
     rate = plant.derivative(state, command, zeros(BodyAxes, x[0]))
-    motion = SteadyMotion(state, command, omega, x[0], jnp.asarray(True))
+    motion = SteadyMotion(
+        state=state,
+        command=command,
+        turn_rate=omega,
+        residual=x[0],
+        converged=jnp.asarray(True),
+    )
     missed = []
     if target.speed is not None:
         missed.append(motion.speed() - target.speed)

@@ -34,7 +34,9 @@ def relative(scenario: Scenario, name: str, law: AbstractDistribution) -> Quanti
             f"smallest is {law.support()[0]:g}. Narrow its distribution."
         )
     nominal = float(look_up(scenario, path))
-    return Quantity(name, path, _units()[name], law, scale=nominal)
+    return Quantity(
+        name=name, path=path, unit=_units()[name], distribution=law, scale=nominal
+    )
 
 
 def waves(
@@ -64,14 +66,24 @@ def waves(
                 place = f"{path}.amplitude.{axis}"
                 quantities.append(
                     Quantity(
-                        f"{wave}_amplitude_{axis}", place, force, amplitude, nominal
+                        name=f"{wave}_amplitude_{axis}",
+                        path=place,
+                        unit=force,
+                        distribution=amplitude,
+                        scale=nominal,
                     )
                 )
             if phase is not None:
                 place, old = f"{path}.phase.{axis}", getattr(sinusoid.phase, axis)
                 name = f"{wave}_phase_{axis}"
                 quantities.append(
-                    Quantity(name, place, "rad", phase, offset=float(old))
+                    Quantity(
+                        name=name,
+                        path=place,
+                        unit="rad",
+                        distribution=phase,
+                        offset=float(old),
+                    )
                 )
     return quantities
 
@@ -133,6 +145,12 @@ def uniform_uncertainty(
             start = float(getattr(scenario.initial_state, name))
             path = f"initial_state.{name}"
             quantities.append(
-                Quantity(f"initial_{name}", path, "m", reach, offset=start)
+                Quantity(
+                    name=f"initial_{name}",
+                    path=path,
+                    unit="m",
+                    distribution=reach,
+                    offset=start,
+                )
             )
     return Uncertainty(scenario, tuple(quantities))

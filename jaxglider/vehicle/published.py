@@ -56,11 +56,11 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
     values = {key: _values(data, key, kind, source) for key, kind in tables.items()}
     try:
         return VehicleData(
-            str(data.get("name", source)),
-            GliderParameters(**values["parameters"]),
-            Command(**values["limits"]),
-            BodyParameters(**values["body"]) if "body" in values else None,
-            _doubts(data, tables),
+            name=str(data.get("name", source)),
+            parameters=GliderParameters(**values["parameters"]),
+            limits=Command(**values["limits"]),
+            body=BodyParameters(**values["body"]) if "body" in values else None,
+            doubts=_doubts(data, tables),
         )
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from error

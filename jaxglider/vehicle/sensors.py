@@ -81,4 +81,9 @@ def measured(truth: Measurement, errors: Mapping[str, Scalar] | None) -> Measure
     if errors is None:
         return truth
     state = with_errors(truth.state, errors)
-    return Measurement(state, state.attitude(), truth.applied, truth.disturbance)
+    return Measurement(
+        state=state,
+        attitude=state.attitude(),
+        applied=truth.applied,
+        disturbance=truth.disturbance,
+    )

@@ -137,7 +137,9 @@ def paired_means(before: np.ndarray, after: np.ndarray) -> PairedMeans:
     usable = np.isfinite(before) & np.isfinite(after)
     old, new = before[usable].astype(float), after[usable].astype(float)
     if not len(old):
-        return PairedMeans(0, None, None, 0, None, None)
+        return PairedMeans(
+            pairs=0, before=None, after=None, better=0, difference=None, interval=None
+        )
     difference = new - old
     interval = None
     if len(old) > 1:

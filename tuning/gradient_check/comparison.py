@@ -66,7 +66,9 @@ def compare_horizons(losses: Mapping[float, Loss], free: Any) -> Comparison:
                 else "it explodes; average over copies or shorten the run"
             )
         )
-    return Comparison("horizon [s]", at, values, gradients, verdict)
+    return Comparison(
+        what="horizon [s]", at=at, values=values, gradients=gradients, verdict=verdict
+    )
 
 
 def compare_smoothing(
@@ -107,7 +109,13 @@ def _judge_smoothing(
                 else "it depends on the width; tune at the final one"
             )
         )
-    return Comparison("smoothing width", at, values, gradients, verdict)
+    return Comparison(
+        what="smoothing width",
+        at=at,
+        values=values,
+        gradients=gradients,
+        verdict=verdict,
+    )
 
 
 def _alignment(gradients: np.ndarray) -> np.ndarray:

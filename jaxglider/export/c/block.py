@@ -142,7 +142,15 @@ class Block:
         varies: bool,
     ) -> None:
         uses = tuple(x.text for x in operands if x.value is None)
-        self.statements.append(Statement(defines, text, uses, operation, varies))
+        self.statements.append(
+            Statement(
+                defines=defines,
+                text=text,
+                uses=uses,
+                operation=operation,
+                varies=varies,
+            )
+        )
 
     def needed(self, results: Sequence[Number]) -> list[Statement]:
         """The statements that the results depend on."""
@@ -158,11 +166,19 @@ class Block:
 def literal(value: Any, kind: str) -> Number:
     """A number that is known now."""
     if kind == "bool":
-        return Number(kind, "true" if value else "false", False, np.bool_(value))
+        return Number(
+            kind=kind,
+            text="true" if value else "false",
+            varies=False,
+            value=np.bool_(value),
+        )
     if kind != "real":
         whole = np.dtype(kind).type(value)
         return Number(
-            kind, f"{C_TYPES[kind].upper()[:-2]}_C({int(whole)})", False, whole
+            kind=kind,
+            text=f"{C_TYPES[kind].upper()[:-2]}_C({int(whole)})",
+            varies=False,
+            value=whole,
         )
     real = float(value)
     if np.isnan(real):
@@ -171,4 +187,4 @@ def literal(value: Any, kind: str) -> Number:
         text = "INFINITY" if real > 0 else "-INFINITY"
     else:
         text = repr(real)
-    return Number(kind, f"REAL({text})", False, value)
+    return Number(kind=kind, text=f"REAL({text})", varies=False, value=value)

@@ -122,7 +122,14 @@ def fields_of(tree: Any, hidden: Sequence[str] = ()) -> list[Field]:
             name += "_"
         names.add(name)
         comment = _comment(tree, path)
-        fields.append(Field(name, kind_of(array.dtype), tuple(array.shape), comment))
+        fields.append(
+            Field(
+                name=name,
+                kind=kind_of(array.dtype),
+                shape=tuple(array.shape),
+                comment=comment,
+            )
+        )
     return fields
 
 

@@ -271,7 +271,9 @@ def outlined(name: str, closed: ClosedJaxpr, functions: Functions | None) -> Out
     arguments = [whole([Number(k, f"a{n}", True)], ()) for n, k in enumerate(kinds)]
     lowering = Lowering(block, functions or Functions())
     results = lowering.closed(closed, arguments)
-    return Outlined(name, kinds, [r[()] for r in results], block)
+    return Outlined(
+        name=name, arguments=kinds, results=[r[()] for r in results], block=block
+    )
 
 
 def lower(

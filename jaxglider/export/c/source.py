@@ -137,7 +137,12 @@ def write_function(
     prototype = f"void {name}({signature})"
     body = [f"(void){n};" for n in unread]
     body += [s.text for s in statements] + stores
-    return Written(prototype, summary, _function(prototype, body), statements)
+    return Written(
+        prototype=prototype,
+        summary=summary,
+        text=_function(prototype, body),
+        statements=statements,
+    )
 
 
 def _declared(argument: Argument) -> str:

@@ -135,4 +135,10 @@ def requirement(text: str) -> Requirement:
             "a measure with a statistic, as heading.rms_error.q95 (statistics: "
             f"{', '.join(STATISTICS)})."
         )
-    return Requirement(text, form[1] or "", quantity, form[3], limit)
+    return Requirement(
+        text=text,
+        label=form[1] or "",
+        quantity=quantity,
+        comparison=form[3],
+        limit=limit,
+    )

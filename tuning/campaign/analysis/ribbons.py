@@ -67,7 +67,7 @@ def ribbons(campaign: Campaign, number: int, count: int, worst: int) -> Ribbons:
         curves = np.where(active, getattr(error, name), np.nan)
         errors[name], last[name] = curves[:-1], curves[-1]
         edges[name] = (getattr(lower, name)[-1], getattr(upper, name)[-1])
-    return Ribbons(time, errors, edges, last)
+    return Ribbons(time=time, errors=errors, edges=edges, worst=last)
 
 
 def _errors(

@@ -30,10 +30,10 @@ def design_of(campaign: Campaign, blocks: int) -> Saltelli:
     """The design of the runs for Sobol indices."""
     uncertainty = campaign.uncertainty
     return Saltelli(
-        campaign.settings.seed,
-        len(uncertainty.quantities),
-        blocks,
-        uncertainty.has_chance(),
+        seed=campaign.settings.seed,
+        columns=len(uncertainty.quantities),
+        bases=blocks,
+        chance=uncertainty.has_chance(),
     )
 
 

@@ -166,7 +166,11 @@ def build(settings: CampaignSettings) -> Campaign:
     case = dataclasses.replace(case, scenario=uncertainty.scenario)
     kinds, loops = zip(*(case.loop(gains) for gains in settings.gains), strict=True)
     return Campaign(
-        settings, uncertainty, make_sampler(settings, uncertainty.names()), loops, kinds
+        settings=settings,
+        uncertainty=uncertainty,
+        design=make_sampler(settings, uncertainty.names()),
+        loops=loops,
+        kinds=kinds,
     )
 
 
