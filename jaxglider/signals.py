@@ -163,7 +163,7 @@ COMMAND_UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad
 
 
 class Reference(eqx.Module):
-    """What the glider should do now.
+    """Wanted outputs of the glider at one instant.
 
     Attributes:
         position: η_d: depth [m], pitch [rad], heading [rad].

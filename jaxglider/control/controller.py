@@ -1,4 +1,4 @@
-"""What every controller is: its gains, a state, and one pure step.
+"""Protocol of a controller: its gains, a state, and one pure step.
 
 A controller never sees the plant. It gets a measurement and asks its own design model
 for f, g and h. All three laws of the paper differ only in the output acceleration they
@@ -29,7 +29,7 @@ from jaxglider.vehicle.design_model import DesignModel
 
 
 class ControlRecord(eqx.Module):
-    """What a controller reports of one tick; the same type for every controller.
+    """Report of a controller about one tick; the same type for every controller.
 
     Attributes:
         error: e = η − η_d [m, rad], angles wrapped to [−π, π).

@@ -44,7 +44,7 @@ from jaxglider.vehicle.design_model import DesignModel
 
 
 class RollAwareState(eqx.Module):
-    """What is remembered from tick to tick.
+    """Memory from tick to tick.
 
     Attributes:
         integral: integral of the surface of each channel, the paper's law's own state.
@@ -101,7 +101,7 @@ class RollAwareFxTPPC(AbstractController):
 
     @property
     def model(self) -> DesignModel:
-        """What the designer believes."""
+        """Design model of the paper's law."""
         return self.law.model
 
     @property

@@ -94,7 +94,7 @@ class NoObserver(AbstractObserver):
 
 
 class ObserverState(eqx.Module):
-    """What the observer believes.
+    """State of the observer: its belief about velocity and disturbance.
 
     Attributes:
         velocity: ϖ [m/s, rad/s], body frame.

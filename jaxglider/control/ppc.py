@@ -56,7 +56,7 @@ class PPC(AbstractController):
         )
 
     def init(self) -> None:
-        """It has no memory."""
+        """No state: the law has no memory."""
         return None
 
     def step(

@@ -52,7 +52,7 @@ class SMC(AbstractController):
         )
 
     def init(self) -> None:
-        """It has no memory."""
+        """No state: the law has no memory."""
         return None
 
     def step(

@@ -45,7 +45,7 @@ def whole_number(value: Any, where: str) -> int:
 
 
 def choice(name: Any, allowed: dict[str, Any], where: str) -> Any:
-    """What a name stands for.
+    """The value that a name stands for.
 
     Raises:
         ConfigError: the name is not among those allowed.
@@ -134,7 +134,7 @@ class TomlTable:
         return [TomlTable(v, f"{self.where(key)}[{i}]") for i, v in enumerate(value)]
 
     def rest(self) -> dict[str, Any]:
-        """What has not been read yet, now taken as read."""
+        """Keys and values that have not been read yet, from now on counted as read."""
         left = {k: v for k, v in self._data.items() if k not in self._read}
         self._read.update(left)
         return left

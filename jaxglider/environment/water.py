@@ -71,7 +71,7 @@ class Current(Container):
 
 
 class Stratification(Container):
-    """What depth does to buoyancy.
+    """Effect of depth on buoyancy.
 
     Attributes:
         displaced_mass: m, mass of the water that the glider displaces [kg].

@@ -170,7 +170,7 @@ def _comparable(
 
 
 def _rounded(tree: Any) -> Any:
-    """What single precision makes of measurements."""
+    """Measurements rounded to single precision."""
     return jax.tree.map(lambda x: x.astype(jnp.float32).astype(x.dtype), tree)
 
 

@@ -1,4 +1,4 @@
-"""What test programs need to know of an export: the columns of their files."""
+"""Facts about an export that test programs need: the columns of their files."""
 
 from collections.abc import Mapping, Sequence
 

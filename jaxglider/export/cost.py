@@ -1,4 +1,4 @@
-"""What a tick of the exported code costs: operations, bytes, and an estimate of time.
+"""Cost of a tick of the exported code: operations, bytes, and an estimate of time.
 
 Operations are counted in the statements that depend on state or inputs; what depends on
 gains alone is folded by the compiler. Times on a microcontroller are not measured: they
@@ -52,7 +52,7 @@ MEGAHERTZ = 100.0
 
 @dataclasses.dataclass(frozen=True)
 class Cost:
-    """What one tick costs, plan and step together.
+    """Cost of one tick, plan and step together.
 
     Attributes:
         operations: number of operations of each kind.

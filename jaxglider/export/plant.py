@@ -26,7 +26,7 @@ from jaxglider.vehicle.plant import AbstractPlant
 
 
 class ExportedPlant(eqx.Module):
-    """What a glider really is, and the water that it is in.
+    """The true glider, and the water that it is in.
 
     Attributes:
         dt: control tick [s].
@@ -126,7 +126,7 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
 
 
 def truth_of(loop: ClosedLoop) -> ExportedPlant:
-    """What the glider of a closed loop really is."""
+    """The true glider of a closed loop."""
     scenario = loop.scenario
     return ExportedPlant(
         plant=scenario.plant,

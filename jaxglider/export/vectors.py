@@ -65,7 +65,7 @@ def _tick(
 
 @jax.jit
 def replay(pilot: Autopilot, times: Series, measured: GliderState) -> TickLog:
-    """What an autopilot makes of measurements that are given.
+    """Ticks of an autopilot under recorded measurements.
 
     Args:
         pilot: the autopilot, from its initial state on.

@@ -25,7 +25,7 @@ from jaxglider.simulation.scenario import Scenario
 
 
 class LoadedGains(NamedTuple):
-    """What a gains file holds.
+    """Content of a gains file.
 
     Attributes:
         kind: name of the controller's kind.

@@ -105,7 +105,7 @@ def read_actuators(table: TomlTable, limits: Command[Any]) -> Command[Actuator]:
 
 
 def read_initial_state(table: TomlTable) -> GliderState:
-    """Where the glider starts; angles in degrees in the file."""
+    """State at the start; angles in degrees in the file."""
     values = {
         name: scale * table.number(f"{name}_{unit}", 0.0)
         for name, (unit, scale) in STATE_UNITS.items()

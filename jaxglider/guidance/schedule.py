@@ -107,7 +107,7 @@ class AttitudeSchedule(AbstractReference):
         return jax.vmap(self.schedule.at)(times)
 
     def init(self, state: GliderState) -> None:
-        """It has no memory."""
+        """No state: a schedule has no memory."""
         return None
 
     def step(

@@ -33,7 +33,7 @@ from jaxglider.signals import Channels, GliderState, Measurement, Reference
 
 
 class PathState(eqx.Module):
-    """Where on the path the glider is.
+    """Progress of the glider along the path.
 
     Attributes:
         target: number of the waypoint being made for.
@@ -67,7 +67,7 @@ class Leg(eqx.Module):
 
 
 class PlannedTick(eqx.Module):
-    """What is known of a tick beforehand.
+    """Everything known of a tick beforehand.
 
     Attributes:
         time: start of the tick [s].
@@ -145,7 +145,7 @@ class WaypointPath(AbstractReference):
 
     @property
     def waypoints(self) -> int:
-        """How many waypoints there are to reach."""
+        """Number of waypoints to reach."""
         return len(self.north)
 
     def plan(self, times: Series) -> PlannedTick:

@@ -1,4 +1,4 @@
-"""What runs on the vehicle: guidance, observer, law and limits as one pure function.
+"""Autopilot on the vehicle: guidance, observer, law, limits as one pure function.
 
 One call per control tick, `Autopilot.step`, turns a reading of the clock and a
 measurement into a command. With sound inputs it does what a closed loop does in
@@ -60,7 +60,7 @@ from jaxglider.vehicle.actuators import Actuator, follow_all
 
 
 class AutopilotState(eqx.Module):
-    """What one tick on board hands to the next.
+    """State of the autopilot between two ticks on board.
 
     Attributes:
         started: a complete measurement has been seen.
@@ -88,7 +88,7 @@ class AutopilotState(eqx.Module):
 
 
 class Autopilot(eqx.Module):
-    """Who steers, as it stands on board.
+    """Guidance, observer and law with the guard that checks their inputs on board.
 
     Attributes:
         controller: the law and its gains.
@@ -223,7 +223,7 @@ class Autopilot(eqx.Module):
     def _guide(
         self, state: AutopilotState, planned: Any, known: Measurement
     ) -> tuple[Reference, Any]:
-        """What to do in this tick, and the reference's next state."""
+        """The reference of this tick, and its next state."""
         begun = select(state.started, state.reference, self.reference.init(known.state))
         aim, following = self.reference.step(begun, planned, known, self.dt)
         return aim, select(sound(following), following, begun)
@@ -248,7 +248,7 @@ class Autopilot(eqx.Module):
     def _command(
         self, held: Command[Scalar], target: Command[Scalar]
     ) -> tuple[Command[Scalar], Command[Scalar]]:
-        """What is sent to the actuators, and where they will be.
+        """The command sent to the actuators, and their next positions.
 
         Rates are limited here too, but for a servo with a lag, which has its own.
         """
@@ -267,7 +267,7 @@ class Autopilot(eqx.Module):
 
 
 def autopilot(loop: ClosedLoop, guard: Guard | None = None) -> Autopilot:
-    """Who steers a closed loop, as it stands on board.
+    """The autopilot of a closed loop, as it stands on board.
 
     Args:
         loop: the closed loop; vehicle, sea and sensors are left behind.

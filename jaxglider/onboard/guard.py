@@ -1,4 +1,4 @@
-"""What an autopilot believes of its inputs, and what it says when it does not.
+"""Checks of an autopilot's inputs, and the status word that reports them.
 
 See `autopilot` for what is done about inputs that are not sound.
 """
@@ -47,7 +47,7 @@ MANY = 1_000_000_000
 
 
 class Guard(Container):
-    """What is believed of the sensors and of the clock, and for how long.
+    """Limits of believable readings of sensors and clock.
 
     Attributes:
         position: largest modulus of north, east and depth [m].

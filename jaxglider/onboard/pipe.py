@@ -168,7 +168,7 @@ class ChildProcess:
         return answer.decode(errors="replace").strip()
 
     def _ended(self) -> PipeError:
-        """What to say of a program that has ended."""
+        """The error about a program that has ended."""
         try:
             code: int | str = self._process.wait(1.0)
         except subprocess.TimeoutExpired:

@@ -123,7 +123,7 @@ def make_scenario(
 
 
 def design_model(plant: AbstractPlant, factor: float = DESIGN_FACTOR) -> DesignModel:
-    """What the paper's designer believes of a plant."""
+    """The design model that the paper's designer has of a plant."""
     exact = plant.model()
     return DesignModel(exact.parameters.scaled(factor), exact.actuation)
 

@@ -26,7 +26,7 @@ _COMMANDS = {
 def commands(
     axes: Any, runs: Mapping[str, Trajectory], actuators: Command[Actuator]
 ) -> Any:
-    """What the actuators were asked for (thin, pale) and what they held (solid).
+    """Commands of the controller (thin, pale) and of the actuators (solid).
 
     The axes end a little beyond the saturation limits, whatever was asked for.
 

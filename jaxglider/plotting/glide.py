@@ -106,7 +106,7 @@ def eigenvalues(axis: Axes, analysis: Analysis) -> Axes:
 
 
 def reach(axis: Axes, analysis: Analysis) -> Axes:
-    """How fast the full stroke of each actuator sets each mode off, as shades."""
+    """Speed at which the full stroke of each actuator sets each mode off, as shades."""
     table = np.array([mode.reach for mode in analysis.modes])
     shade = np.log10(np.maximum(table, 1e-3))
     axis.imshow(shade, cmap="Blues", vmin=-3.0, vmax=1.5, aspect="auto")

@@ -1,4 +1,4 @@
-"""What the comparing figures share: one line for each run.
+"""Parts that the comparing figures share: one line for each run.
 
 The most restless line of a panel is drawn first, so that a chattering or tumbling run
 does not bury the others.

@@ -121,7 +121,7 @@ def _way(ticks: TickRecord) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _ends(
     way: Sequence[np.ndarray], style: Style
 ) -> list[tuple[list[np.ndarray], dict[str, Any]]]:
-    """Where a way starts and ends: a cross there if it stopped being finite."""
+    """Start and end of a way: a cross at the end if it stopped being finite."""
     known = np.flatnonzero(np.isfinite(np.stack(way)).all(axis=0))
     if not known.size:
         return []

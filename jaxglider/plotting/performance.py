@@ -50,7 +50,7 @@ def performance_functions(
 
 
 def settling_time(function: AbstractPerformanceFunction, horizon: float) -> float:
-    """When a function has settled [s], or the horizon where it has not by then."""
+    """Settling time of a function [s], or the horizon where that comes first."""
     time = np.linspace(0.0, horizon, 10 * _POINTS)
     settled = _normalised(function, time)[1]
     return horizon if settled is None else settled

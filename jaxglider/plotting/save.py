@@ -107,7 +107,7 @@ def _builders(
     runs: Mapping[str, Trajectory],
     functions: Mapping[str, AbstractPerformanceFunction] | None,
 ) -> dict[str, Callable[[], Figure]]:
-    """How each figure is made, by its name."""
+    """Makers of the figures by their names."""
     reference = scenario.reference
     path = reference if isinstance(reference, WaypointPath) else None
     horizon = scenario.clock.ticks * float(scenario.clock.dt)

@@ -49,7 +49,7 @@ def continuous_degrees(angle: Any) -> np.ndarray:
 
 
 def end_time(runs: Iterable[Trajectory]) -> float:
-    """When the last tick of the longest run ended [s]; zero without any tick."""
+    """End of the longest run's last tick [s]; zero without any tick."""
     ends = [0.0]
     for run in runs:
         time = drawable(active_ticks(run).time)

@@ -1,4 +1,4 @@
-"""How the figures look: colours, line styles and sizes, all handed over explicitly.
+"""Look of the figures: colours, line styles and sizes, all handed over explicitly.
 
 Colours are those of Okabe and Ito, told apart with every kind of colour vision; line
 styles differ too, so that a print in grey still reads.
@@ -56,7 +56,7 @@ _RC: dict[Any, Any] = {
 
 
 class Style(NamedTuple):
-    """How the lines of one run are drawn.
+    """Style of one run's lines.
 
     Attributes:
         colour: colour of its lines.

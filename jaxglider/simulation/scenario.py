@@ -1,4 +1,4 @@
-"""Who glides where under what: everything of a run but the controller."""
+"""Scenario: everything of a run but its controller."""
 
 import math
 from collections.abc import Mapping

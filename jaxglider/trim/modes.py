@@ -30,19 +30,19 @@ class Mode:
     distance: float
 
     def time_constant(self) -> float:
-        """In which it grows or decays by e [s]."""
+        """Time in which it grows or decays by the factor e [s]."""
         real = self.eigenvalue.real
         return float("inf") if real == 0.0 else 1.0 / abs(real)
 
     def period(self) -> float | None:
-        """Of its oscillation [s], or None."""
+        """Period of its oscillation [s], or None."""
         turning = abs(self.eigenvalue.imag)
         return 2 * np.pi / turning if turning > 0.0 else None
 
 
 @dataclasses.dataclass(frozen=True)
 class Analysis:
-    """What a linearised glider does by itself and what its commands can do.
+    """Natural motions of a linearised glider, and the reach of its commands.
 
     Attributes:
         modes: modes, slowest first; depth and heading by themselves, which rest, left

@@ -34,7 +34,7 @@ def _maybe() -> Any:
 
 
 class Target(Container):
-    """What a steady motion is to be like: one of each pair of fields.
+    """Wanted properties of a steady motion: one of each pair of fields.
 
     Attributes:
         buoyancy_mass: m_b [kg], or else

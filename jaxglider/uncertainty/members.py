@@ -1,4 +1,4 @@
-"""What is uncertain of a scenario, how it is distributed, and the members drawn.
+"""Uncertain quantities of a scenario, their distributions, and members drawn.
 
 An uncertain quantity is one number of a scenario, named by its path, with a
 distribution for its factor on the nominal value, its offset from it, or itself. A
@@ -65,7 +65,7 @@ class Quantity:
         return self.offset + self.scale * self.distribution.quantile(u)
 
     def standard_deviation(self) -> float:
-        """Of the value."""
+        """Standard deviation of the value."""
         return abs(self.scale) * self.distribution.standard_deviation()
 
 
@@ -121,10 +121,10 @@ class Uncertainty:
 
     def has_chance(self) -> bool:
         """Whether anything is left to chance within a run: noise of sea or sensors."""
-        laws = jax.tree.leaves(
+        parts = jax.tree.leaves(
             self.scenario.disturbance, is_leaf=lambda x: isinstance(x, GaussMarkov)
         )
-        noisy = any(isinstance(law, GaussMarkov) for law in laws)
+        noisy = any(isinstance(part, GaussMarkov) for part in parts)
         return noisy or self.scenario.sensors is not None
 
     def values(self, coordinates: np.ndarray) -> np.ndarray:
@@ -183,7 +183,7 @@ def with_member(
 
 
 def look_up(scenario: Scenario, path: str) -> Any:
-    """What a path leads to: fields, keys and numbers, separated by dots.
+    """The end of a path: fields, keys and numbers, separated by dots.
 
     Raises:
         ValueError: it leads nowhere.

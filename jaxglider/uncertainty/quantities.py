@@ -21,21 +21,21 @@ from jaxglider.vehicle.parameters import UNCERTAIN
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 
 
-def relative(scenario: Scenario, name: str, law: AbstractDistribution) -> Quantity:
+def relative(scenario: Scenario, name: str, factor: AbstractDistribution) -> Quantity:
     """A parameter of the glider with a distribution for its factor on the nominal.
 
     Raises:
         ValueError: there is no such parameter, or the factor is not always positive.
     """
     path = f"plant.parameters.{name}"
-    if law.support()[0] <= 0.0:
+    if factor.support()[0] <= 0.0:
         raise ValueError(
             f"{name}: the factor on the nominal value must stay positive; its "
-            f"smallest is {law.support()[0]:g}. Narrow its distribution."
+            f"smallest is {factor.support()[0]:g}. Narrow its distribution."
         )
     nominal = float(look_up(scenario, path))
     return Quantity(
-        name=name, path=path, unit=_units()[name], distribution=law, scale=nominal
+        name=name, path=path, unit=_units()[name], distribution=factor, scale=nominal
     )
 
 
@@ -134,8 +134,8 @@ def uniform_uncertainty(
         raise ValueError(f"position must be zero or positive; received {position}.")
     quantities: list[Quantity] = []
     if parameters > 0.0:
-        law = Uniform(1.0 - parameters, 1.0 + parameters)
-        quantities += [relative(scenario, name, law) for name in UNCERTAIN]
+        scatter = Uniform(1.0 - parameters, 1.0 + parameters)
+        quantities += [relative(scenario, name, scatter) for name in UNCERTAIN]
     if amplitude > 0.0:
         factor = Uniform(1.0 - amplitude, 1.0 + amplitude)
         quantities += waves(scenario, factor, Uniform(-np.pi, np.pi))

@@ -13,7 +13,7 @@ NEVER = 1e9
 
 
 class Failure(Container):
-    """How an actuator fails: it grows weak, or gets stuck, at a time.
+    """Failure of an actuator: it grows weak, or gets stuck, at a time.
 
     Attributes:
         weak_from: time from which the actuator reaches only a share of its command [s].
@@ -40,11 +40,11 @@ class Failure(Container):
         )
 
     def reached(self, target: Scalar, time: Scalar | float) -> Scalar:
-        """What a weak actuator makes of its command."""
+        """Target that a weak actuator reaches [kg, m or rad]."""
         return jnp.where(time >= self.weak_from, self.effectiveness * target, target)
 
     def kept(self, held: Scalar, moved: Scalar, time: Scalar | float) -> Scalar:
-        """Where a stuck actuator is."""
+        """Position of an actuator that may be stuck [kg, m or rad]."""
         return jnp.where(time >= self.stuck_from, held, moved)
 
 

@@ -1,4 +1,4 @@
-"""What controller and observer believe: η'' = f + g U + h d, control-affine.
+"""Design model of controller and observer: η'' = f + g U + h d, control-affine.
 
 Source: Yang and Mahmoudian, compact form of the equations of motion. f = J' ν +
 J M⁻¹(Cν + Dν + E), g = J M⁻¹ B, h = J M⁻¹, with the parameters the designer has, and

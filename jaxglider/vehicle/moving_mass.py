@@ -1,4 +1,4 @@
-"""What buoyancy engine and moving mass do to the glider: B(η, γ) U + E(η).
+"""Force and moment of buoyancy engine and moving mass: B(η, γ) U + E(η).
 
 Source: Yang and Mahmoudian, Eqs. for B and E, with Assumption 2 for the series in γ:
 sin γ = γ S(γ), cos γ = 1 + γ C(γ), S = 1 − γ²/6 + γ⁴/120, C = −γ/2 + γ³/24.
@@ -127,7 +127,7 @@ class AbstractActuation(eqx.Module):
     def wrench(
         self, parameters: GliderParameters, a: Attitude, command: Command[Scalar]
     ) -> BodyAxes[Scalar]:
-        """What the true glider feels from its actuators, B U + E [N, N m]."""
+        """Force and moment of the actuators on the true glider, B U + E [N, N m]."""
 
 
 class PrintedActuation(AbstractActuation):

@@ -103,7 +103,7 @@ class GliderParameters(Container):
         )
 
     def scaled(self, factor: float | Scalar) -> "GliderParameters":
-        """What a designer believes who is wrong by one factor everywhere.
+        """Parameters of a designer who is wrong by one factor everywhere.
 
         The paper's "20 % uncertainty" is read as: masses, inertias and hydrodynamic
         coefficients of the design model are `factor` times the true ones; moving mass,
@@ -125,7 +125,7 @@ UNCERTAIN = tuple(
 
 
 class BodyParameters(Container):
-    """Where the masses are, and the coefficients that small angles do not need.
+    """Places of the masses, and the coefficients that small angles do not need.
 
     `GliderParameters` has the sums: m₁ is the mass of hull, moving mass, ballast and
     water carried along in surge, I₁ the inertia of hull and water in roll. This says

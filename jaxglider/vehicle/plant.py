@@ -53,7 +53,7 @@ class AbstractPlant(eqx.Module):
 
     @abstractmethod
     def model(self) -> DesignModel:
-        """What a designer who knows this glider exactly would design with."""
+        """Design model of a designer who knows this glider exactly."""
 
 
 @jax.named_scope("kinematics")

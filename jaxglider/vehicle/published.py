@@ -85,7 +85,7 @@ def vehicle_text(name_or_path: str | Path) -> str:
 
 
 def _doubts(data: dict[str, Any], tables: Iterable[str]) -> dict[str, str]:
-    """What the file says is doubtful, by key."""
+    """Doubts that the file expresses, by key."""
     return {
         f"{table}.{key}": str(entry["doubt"])
         for table in tables

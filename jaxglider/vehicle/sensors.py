@@ -77,7 +77,7 @@ def with_errors(state: GliderState, errors: Mapping[str, Scalar] | None) -> Glid
 
 
 def measured(truth: Measurement, errors: Mapping[str, Scalar] | None) -> Measurement:
-    """What is known of the glider where its sensors have errors."""
+    """The measurement of a glider whose sensors have errors."""
     if errors is None:
         return truth
     state = with_errors(truth.state, errors)

@@ -44,7 +44,7 @@ from tuning.space.coordinates import K1_BELOW_K2
 
 @dataclasses.dataclass(frozen=True)
 class TuneResult:
-    """What tuning came to.
+    """Result of tuning.
 
     Attributes:
         problem: problem that was solved.

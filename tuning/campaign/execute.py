@@ -34,7 +34,7 @@ from tuning.reporting.output_folder import writing_to
 
 @dataclasses.dataclass(frozen=True)
 class Execution:
-    """Which part of a campaign is run, and what becomes of an older one.
+    """Part of a campaign to run, and the fate of an older one.
 
     Attributes:
         shard: number of the part, from 1, and number of parts.

@@ -41,7 +41,7 @@ class PairedMeans:
 
 @dataclasses.dataclass(frozen=True)
 class Counts:
-    """How many of some members met with trouble.
+    """Numbers of members that met with trouble.
 
     Attributes:
         members: number of members.
@@ -60,7 +60,7 @@ class Counts:
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """What tuning came to; every table has the keys `before` and `after`.
+    """Result of tuning; every table has the keys `before` and `after`.
 
     Attributes:
         nominal: metrics of the nominal case as plain numbers.
@@ -82,7 +82,7 @@ class Verdict:
 
 
 class Judge:
-    """What a loop is worth on the nominal case and on the held-out test members."""
+    """Judge of a loop on the nominal case and on the held-out test members."""
 
     def __init__(self, problem: TuningProblem) -> None:
         self._problem, self._run = problem, problem.on_members()

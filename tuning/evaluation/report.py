@@ -1,4 +1,4 @@
-"""What tuning came to: before against after, on members it never saw."""
+"""Report of tuning: before against after, on members it never saw."""
 
 import csv
 import io
@@ -242,7 +242,7 @@ def _settling_table(tuned: ClosedLoop, runs: dict[str, Trajectory]) -> list[str]
 
 
 def settling_seen(run: Trajectory, channel: str) -> str:
-    """How long after a funnel's restart an error last left its final bound [s]."""
+    """Time after a funnel's restart at which an error last left its final bound [s]."""
     ticks = run.ticks
     active = np.asarray(ticks.active)
     limits = getattr(ticks.limits, channel)

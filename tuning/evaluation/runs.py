@@ -45,7 +45,7 @@ class FinishedRun:
     trajectory: Trajectory
 
     def summary(self) -> dict[str, Any]:
-        """As it stands in metrics.json."""
+        """Entry of the run in metrics.json."""
         return {
             "scenario": self.entry.scenario,
             "plant": self.entry.plant,

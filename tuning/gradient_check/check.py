@@ -39,7 +39,7 @@ _CHANNEL_OF = {
 
 @dataclasses.dataclass(frozen=True)
 class GradientReport:
-    """What a check found. Arrays run over the gains last; k steps, m copies.
+    """Result of a check. Arrays run over the gains last; k steps, m copies.
 
     Attributes:
         names: names of the gains.

@@ -1,4 +1,4 @@
-"""How a gradient changes with the horizon and with the smoothing width."""
+"""Change of a gradient with the horizon and with the smoothing width."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -44,7 +44,7 @@ class Comparison:
 
 
 def compare_horizons(losses: Mapping[float, Loss], free: Any) -> Comparison:
-    """How the gradient grows with the length of the run; one program per horizon.
+    """Growth of the gradient with the length of the run; one program per horizon.
 
     Args:
         losses: J by horizon [s].
@@ -74,7 +74,7 @@ def compare_horizons(losses: Mapping[float, Loss], free: Any) -> Comparison:
 def compare_smoothing(
     loss: Callable[[Any, Any], Any], widths: Sequence[float], free: Any
 ) -> Comparison:
-    """How far the smoothing width decides J and its gradient.
+    """Influence of the smoothing width on J and its gradient.
 
     Args:
         loss: J of the free numbers and of the smoothing width.

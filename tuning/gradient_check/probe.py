@@ -49,7 +49,7 @@ def difference_points(
 
 @dataclasses.dataclass(frozen=True)
 class Probe:
-    """What was seen around a point, in the natural scale of each free number.
+    """Values around a point, in the natural scale of each free number.
 
     Of one free number, or of all of them in a last axis; the names are those of the
     report, and `bend` is what curvature adds to either side, (J(x+h)+J(x−h)−2J(x))/2h.
@@ -103,7 +103,7 @@ class Probe:
 
     @property
     def blur(self) -> np.ndarray:
-        """What rounding may add to D(h)."""
+        """Share of rounding in D(h)."""
         return np.asarray(4.0 * self.noise / self.steps)
 
 

@@ -93,5 +93,5 @@ def saturate_cost(values: jax.Array, unit: float) -> jax.Array:
 
 
 def member_count(members: Any) -> int:
-    """How many members an ensemble has."""
+    """Number of members of an ensemble."""
     return int(jax.tree.leaves(members)[0].shape[0])

@@ -25,7 +25,7 @@ Cost = Callable[[Metrics, Metrics], Scalar]
 
 @dataclasses.dataclass(frozen=True)
 class Weights:
-    """How much each term counts.
+    """Weights of the terms of the objective.
 
     A term of the channels takes one number for all three, or three in their order.
 
@@ -111,7 +111,7 @@ class Objective(eqx.Module):
         return total
 
     def unit(self) -> float:
-        """What a run like the start costs: the scale of poor and of failed ones.
+        """Cost of a run like the start: the scale of poor and of failed ones.
 
         The weights of tracking together, or, where there are none, those of the next
         terms that have any. With a cost of the user's own, that of the start.

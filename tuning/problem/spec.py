@@ -1,4 +1,4 @@
-"""What is to be tuned, on what and for what: a tuning problem as a value."""
+"""A tuning problem as a value: case, gains, free numbers, members, objective."""
 
 import dataclasses
 from typing import Any

@@ -1,9 +1,9 @@
-"""What may be said of a population from members drawn at random, and how surely.
+"""Statistics of a population from members drawn at random, with intervals.
 
 | of | estimate | interval |
 |---|---|---|
 | probability | k/n | Clopper and Pearson (1934): exact, covers at least what it says |
-| quantile | order statistic | two order statistics, by the binomial law |
+| quantile | order statistic | two order statistics, by the binomial distribution |
 | CVaR | mean of the worst share | normal, by its influence function |
 | mean of paired differences | mean | Student |
 | who wins | wins/(wins + losses) | Clopper and Pearson |
@@ -28,7 +28,8 @@ def clopper_pearson(
 ) -> tuple[float, float]:
     """The exact interval of a probability from k successes in n independent trials.
 
-    [B(α/2; k, n − k + 1), B(1 − α/2; k + 1, n − k)], B quantiles of the beta law.
+    [B(α/2; k, n − k + 1), B(1 − α/2; k + 1, n − k)], B quantiles of the beta
+    distribution.
 
     Raises:
         ValueError: not 0 ≤ k ≤ n with n ≥ 1.
@@ -46,7 +47,7 @@ def clopper_pearson(
 
 
 def probability(events: np.ndarray, level: float = LEVEL) -> dict[str, Any]:
-    """How often something happened, and what that says of how likely it is."""
+    """Frequency of an event, and the interval of its probability."""
     k, n = int(np.sum(events)), len(events)
     return {
         "k": k,
@@ -60,7 +61,8 @@ def quantile(values: np.ndarray, share: float, level: float = LEVEL) -> dict[str
     """A quantile and the two order statistics that enclose it.
 
     X_(l) ≤ q ≤ X_(u) with at least the level's probability, l and u from the binomial
-    law of how many of n values lie below q. An end that n is too small for is None.
+    distribution of the number of n values below q. An end that n is too small for is
+    None.
 
     Args:
         values: values, which may be infinite.

@@ -58,7 +58,7 @@ def text_table(runs: list[dict[str, Any]]) -> str:
 
 
 def outcome(run: dict[str, Any]) -> str:
-    """How a run ended, in words."""
+    """Outcome of a run, in words."""
     roll = run["max_roll_rad"]
     turned = "unknown" if roll is None else f"{roll:.2f} rad"
     words = [f"{run['end_time_s']:.1f} s"]

@@ -28,7 +28,7 @@ CHECKED = 100.0
 
 @dataclasses.dataclass(frozen=True)
 class SearchOutcome:
-    """What a search came to.
+    """Result of a search.
 
     Attributes:
         free: free numbers that are best on the validation members.

@@ -26,7 +26,7 @@ lost."""
 
 
 class SearchResult(NamedTuple):
-    """What the search came to.
+    """Result of the search.
 
     Attributes:
         free: free numbers that are best.

@@ -18,7 +18,7 @@ from tuning.search.evolution import GRADIENT_COST
 
 @dataclasses.dataclass(frozen=True)
 class DescentSettings:
-    """How to descend.
+    """Settings of a descent.
 
     Attributes:
         steps: number of gradient steps.
@@ -87,7 +87,7 @@ class DescentSettings:
 
 @dataclasses.dataclass(frozen=True)
 class BlackBoxSettings:
-    """How to search without gradients.
+    """Settings of a search without gradients.
 
     Attributes:
         method: name of the search, `cma` or `random`.

@@ -121,7 +121,7 @@ Bijection = Positive | Above | Below
 
 @dataclasses.dataclass(frozen=True)
 class Edge:
-    """Where a set ends.
+    """End of a set.
 
     Attributes:
         at: the edge as a function of the partner gain; traced.

@@ -1,4 +1,4 @@
-"""Which numbers of a closed loop can be tuned, and the set each must stay in."""
+"""Numbers of a closed loop that can be tuned, and the set each must stay in."""
 
 import dataclasses
 import difflib
@@ -141,7 +141,7 @@ def pairs(loop: ClosedLoop, bounds: BodyAxes[Any] | None) -> Iterator[Pair]:
 def coordinates(
     loop: ClosedLoop, names: Collection[str], coupled: Collection[Pair]
 ) -> tuple[Coordinate, ...]:
-    """How each tuned number is kept in its set.
+    """Coordinates of the tuned numbers, each of which keeps its number in its set.
 
     Args:
         loop: the closed loop.

@@ -1,4 +1,4 @@
-"""Where a search starts: the numbers of a closed loop, moved into their sets."""
+"""Start of a search: the numbers of a closed loop, moved into their sets."""
 
 import math
 from collections.abc import Collection, Sequence

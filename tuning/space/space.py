@@ -1,4 +1,4 @@
-"""Which numbers of a closed loop are tuned, and the free numbers that stand for them.
+"""Tuned numbers of a closed loop, and the free numbers that stand for them.
 
 A number is named by its dotted path, `controller.gains.depth.k1`; a path may end early
 or have `*` for a component. Whatever the free numbers are, the closed loop they are

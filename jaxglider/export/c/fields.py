@@ -82,7 +82,7 @@ class Field:
 
     @property
     def size(self) -> int:
-        """How many scalars it has."""
+        """Number of its scalars."""
         return int(np.prod(self.shape, dtype=int))
 
     def places(self, owner: str) -> list[str]:
@@ -150,7 +150,7 @@ def _key(entry: Any) -> str:
 
 
 def _comment(tree: Any, path: Sequence[Any]) -> str:
-    """What the classes along a path say of it, the last one first."""
+    """Description of a leaf by the classes along its path, the last one first."""
     comment = ""
     here = tree
     for entry in path:

@@ -1,4 +1,4 @@
-"""What each elementwise primitive of JAX is in C, scalar by scalar.
+"""Elementwise primitives of JAX in C, scalar by scalar.
 
 Integers wrap as in XLA, by way of unsigned arithmetic; shifts to the right of signed
 numbers are taken to be arithmetic, as every compiler in use has them. NaN goes through

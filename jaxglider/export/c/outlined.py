@@ -35,7 +35,7 @@ class Outlined:
 
 @dataclasses.dataclass
 class Functions:
-    """What the functions of one file share.
+    """Functions that all functions of one file share.
 
     Attributes:
         outlined: functions for either precision, by the text of their trace.

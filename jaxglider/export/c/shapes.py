@@ -301,7 +301,7 @@ def _points_at(
 
 
 def parts_of_scan(equation: Any) -> tuple[int, int]:
-    """How many constants a scan takes, and how many values it carries.
+    """Numbers of the constants that a scan takes and of the values it carries.
 
     By the shapes, which no version of JAX names differently: what is scanned over, or
     stacked, has an axis more outside the body than inside.

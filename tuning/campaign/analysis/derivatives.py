@@ -1,4 +1,4 @@
-"""What an error answers to, from derivatives through the rollout.
+"""Sensitivity of the errors by derivatives through the rollout.
 
 |∂f/∂x_j| σ_j, f the root mean square of an error and σ_j the standard deviation of what
 is drawn: the change of f by a typical change of x_j, for small ones. The median over

@@ -1,4 +1,4 @@
-"""Which uncertain number goes with trouble: rank correlations over the members."""
+"""Rank correlations of uncertain numbers with trouble, over the members."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What a user requires of a campaign, as `p_violation<0.01`; nothing here imports JAX.
+"""Requirements on a campaign, as `p_violation<0.01`; nothing here imports JAX.
 
 A requirement is met where the whole confidence interval is on the right side. Where
 only the estimate is, the members are too few to say so, and that does not count as met.

@@ -1,4 +1,4 @@
-"""How errors spread over time: a few hundred members, thinned, and the worst of all."""
+"""Errors over time: a few hundred members, thinned, and the worst of all."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Which uncertain number is to blame, three ways: Sobol, ranks, derivatives.
+"""Sensitivity to the uncertain numbers three ways: Sobol, ranks, derivatives.
 
 The runs for Sobol indices go through the campaign's own engine and are kept beside its
 rows, in `sobol.bin`: killed, they go on where they were.
@@ -129,7 +129,7 @@ def _one(
 
 
 def agreement(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """How far the ways agree on the order of the factors, and where they do not.
+    """Agreement of the ways on the order of the factors, and their disagreements.
 
     Args:
         rows: scores of the factors; those are compared that all ways know of.

@@ -1,4 +1,4 @@
-"""What a campaign says: probabilities, measures and comparisons, as plain numbers."""
+"""Summary of a campaign: probabilities, measures, comparisons as plain numbers."""
 
 from typing import Any
 

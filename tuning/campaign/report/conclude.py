@@ -1,4 +1,4 @@
-"""What follows from a campaign's rows, written."""
+"""Conclusions from a campaign's rows, written to files."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ def exit_code(summary: dict[str, Any]) -> int:
 
 @dataclasses.dataclass(frozen=True)
 class Conclusions:
-    """What is drawn from the rows of a campaign.
+    """Choice of the conclusions to draw from the rows of a campaign.
 
     Attributes:
         confidence: level of all intervals, in (0, 1).

@@ -19,7 +19,7 @@ _POINTS = 60
 
 
 def draw_ribbons(axes: Any, ribbons: Ribbons, colour: str) -> Any:
-    """Where 90 % of the members' errors are, their median, and the worst member.
+    """The range of 90 % of the members' errors, their median, and the worst member.
 
     Args:
         axes: three axes, for depth, pitch and heading.
@@ -89,7 +89,7 @@ def convergence(axis: Axes, table: Rows) -> Axes:
 
 
 def distributions(axes: Any, table: Rows) -> Any:
-    """How the errors of the members are distributed, one curve a set of gains.
+    """Distributions of the members' errors, one curve a set of gains.
 
     Args:
         axes: three axes, for depth, pitch and heading.

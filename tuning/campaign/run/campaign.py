@@ -1,4 +1,4 @@
-"""What defines a campaign: every row follows from this, and from nothing else.
+"""Definition of a campaign: every row follows from this, and from nothing else.
 
 It is kept beside the rows, whole files and all, so that a campaign can be gone on with,
 joined or run again where the files it was made from are gone or changed.
@@ -67,7 +67,7 @@ class CampaignSettings:
     digest: str = ""
 
     def case(self) -> FlightCase:
-        """What is flown."""
+        """The case that is flown."""
         if self.mission is not None:
             return FlightCase.of_mission(build_mission(self.mission), self.duration)
         return FlightCase.of_paper(self.scenario, self.plant, self.dt, self.duration)
@@ -146,7 +146,7 @@ class Campaign:
 
     @property
     def waypoints(self) -> int | None:
-        """How many waypoints the course has, or None where there is no course."""
+        """Number of waypoints of the course, or None where there is no course."""
         return self.uncertainty.scenario.reference.waypoints
 
 
@@ -189,7 +189,7 @@ def _uncertainty(level: float | str, scenario: Scenario) -> Uncertainty:
 
 
 def make_sampler(settings: CampaignSettings, names: Sequence[str]) -> AbstractSampler:
-    """Where the members of a campaign lie in the unit cube."""
+    """The sampler of the members' places in the unit cube."""
     if settings.design == "latin-hypercube":
         return LatinHypercube(settings.seed, len(names), settings.members)
     if settings.design == "sobol":

@@ -67,7 +67,7 @@ class Engine:
         return self.piece * len(self._devices)
 
     def run(self, members: Member) -> np.ndarray:
-        """What came of members: axes of member, set of gains and column.
+        """Results of members: axes of member, set of gains and column.
 
         Args:
             members: an ensemble of any size.

@@ -1,4 +1,4 @@
-"""A row of a campaign: one member, what was drawn for it, and what came of it.
+"""Rows of a campaign: one member each, its uncertain numbers and its results.
 
 `metrics` has an axis of sets of gains and one of columns; numbers are kept in double
 precision, which holds single precision exactly.
@@ -102,7 +102,7 @@ class Rows:
         return np.array(self.rows["metrics"][:, gains, COLUMNS.index(name)])
 
     def failed(self, gains: int) -> np.ndarray:
-        """Which runs became non-finite."""
+        """Flags of the runs that became non-finite."""
         return self.raw(gains, "finite") != 1.0
 
     def column(self, gains: int, name: str) -> np.ndarray:
@@ -111,17 +111,17 @@ class Rows:
         return np.where(self.failed(gains) | ~np.isfinite(values), np.inf, values)
 
     def left_funnel(self, gains: int, channel: str | None = None) -> np.ndarray:
-        """Which members left the funnel of a channel, or of any; failures did."""
+        """Flags of members that left the funnel of one channel or any; failures did."""
         named = CHANNELS if channel is None else (channel,)
         outside = [self.column(gains, f"{c}.time_outside_funnel") > 0.0 for c in named]
         return np.logical_or.reduce(outside)
 
     def capsized(self, gains: int) -> np.ndarray:
-        """Which members rolled past 90 degrees; failures did."""
+        """Flags of the members that rolled past 90 degrees; failures did."""
         return self.failed(gains) | (self.raw(gains, "capsized") == 1.0)
 
     def unfinished(self, gains: int, waypoints: int | None) -> np.ndarray:
-        """Which members did not reach the last waypoint in time; failures did not."""
+        """Flags of members that missed the last waypoint in time; failures did too."""
         failed = self.failed(gains)
         if waypoints is None:
             return failed
