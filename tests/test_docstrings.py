@@ -20,12 +20,14 @@ NO_NOUN = """
     which whose with within without
 """
 """Words that begin a line whose noun is left to the reader."""
+QUESTIONS = ("As", "How", "In", "It", "Of", "What", "Where", "Who", "Whose")
+"""Words that begin a summary of which the reader has to guess what it is about."""
 MANY = 4
 """A public function with this many arguments has to explain them."""
 
 
 def documented(tree):
-    """Every definition of a module with its qualified name."""
+    """The module itself and every definition in it, with its qualified name."""
 
     def walk(node, prefix):
         for child in node.body:
@@ -34,6 +36,7 @@ def documented(tree):
                 yield name, child
                 yield from walk(child, name + ".")
 
+    yield "module", tree
     yield from walk(tree, "")
 
 
@@ -53,10 +56,10 @@ def lines_of(docstring, section):
 
 
 def first_word(text):
-    words = re.findall(r"\S+", text.lower())
+    words = [word.strip(",;:.") for word in text.lower().split()]
     if words[:2] == ["the", "same"]:
         return "the-same"
-    return words[0].strip(",;:.") if words else "of"
+    return words[0] if words else "of"
 
 
 def parameters(function):
@@ -78,15 +81,19 @@ def fields(kind):
 
 
 def complaints(source):
-    """What is wrong with the docstrings of a module."""
+    """Violations of the rules in the docstrings of a module."""
     tree = ast.parse(source)
     for name, node in documented(tree):
         text = ast.get_docstring(node) or ""
+        if text.startswith(tuple(word + " " for word in QUESTIONS)):
+            yield f"{name}: the summary {text.splitlines()[0]!r} names no thing"
         is_class = isinstance(node, ast.ClassDef)
         entries = lines_of(text, "Attributes" if is_class else "Args")
         for entry, rest in entries:
             if first_word(rest) in NO_NOUN.split():
                 yield f"{name}: {entry}: {rest!r} does not begin with a noun"
+        if isinstance(node, ast.Module):
+            continue
         known = fields(node) if is_class else parameters(node)
         for entry, _ in entries:
             if entry not in known:
@@ -102,7 +109,7 @@ def complaints(source):
 
 
 def constants(tree):
-    """What is wrong with the docstrings of a module's constants."""
+    """Violations of the rules in the docstrings of a module's constants."""
     for node, following in zip(tree.body, tree.body[1:], strict=False):
         if not isinstance(node, ast.Assign | ast.AnnAssign):
             continue
@@ -116,3 +123,29 @@ def constants(tree):
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_docstrings_describe_by_nouns_what_is_there(path):
     assert list(complaints(path.read_text(encoding="utf-8"))) == []
+
+
+def function(signature, entry):
+    return f'def f({signature}):\n    """F.\n\n    Args:\n        {entry}\n    """'
+
+
+@pytest.mark.parametrize(
+    ("source", "complaint"),
+    [
+        ('"""How it is."""', "names no thing"),
+        ('LIMIT = 1\n"""Of a line."""', "no description"),
+        ('LIMIT = 1\n"""Largest length"""', "no description"),
+        (function("x", "x: of it."), "does not begin with a noun"),
+        (function("x", "x: the same."), "does not begin with a noun"),
+        (function("x", "y: end."), "is not there"),
+        (function("x, y", "x: end."), "y not documented"),
+        ('def f(a, b, c, d):\n    """F."""', "none documented"),
+        (
+            'class A:\n    """A.\n\n    Attributes:\n        x: end.\n    """',
+            "not there",
+        ),
+    ],
+    ids=range(9),
+)
+def test_the_rules_find_what_they_forbid(source, complaint):
+    assert any(complaint in text for text in complaints(source))

@@ -1,4 +1,4 @@
-"""How the costs of members become one number: Σ wᵢ Jᵢ with Σ wᵢ = 1.
+"""Aggregates: one number from the costs of members, Σ wᵢ Jᵢ with Σ wᵢ = 1.
 
 The gradient of each is Σ wᵢ ∇Jᵢ with the same weights.
 """

@@ -1,4 +1,4 @@
-"""What a command is told about gains: words and files, turned into controllers."""
+"""Sets of gains: words and files of a command, turned into controllers."""
 
 import dataclasses
 import os
@@ -31,7 +31,7 @@ class Gains:
     text: str
 
     def load(self, scenario: str, model: Any) -> LoadedGains:
-        """What the text says.
+        """The controller that the text describes.
 
         Args:
             scenario: `switching` or `waypoints`, for what the file leaves out.

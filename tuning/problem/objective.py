@@ -1,4 +1,4 @@
-"""What tuning makes small: a weighted sum for each member, and one number for all.
+"""Objective of tuning: a weighted sum for each member, and one number for all.
 
 Tracking, effort and chattering are each taken relative to what the starting gains give
 on the nominal case, so weights can be read. Of the smooth penalties, `crowding` keeps

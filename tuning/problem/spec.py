@@ -65,7 +65,7 @@ class EnsembleSpec:
         return cls(uncertainty=0.0, training=1, validation=1, test=1)
 
     def on(self, loop: ClosedLoop) -> Uncertainty:
-        """What differs between members that fly the scenario of a closed loop.
+        """The uncertainty of members that fly the scenario of a closed loop.
 
         Raises:
             ValueError: the half width is out of its range.

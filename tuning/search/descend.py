@@ -157,7 +157,7 @@ def _start(
 
 
 def _line(step: Step, state: State, settings: DescentSettings, pace: float) -> str:
-    """How far the descent is, in one line."""
+    """Progress of the descent, in one line."""
     return (
         f"step {step.number}/{settings.steps}  "
         f"objective {step.loss:.4f}  validation {step.validation:.4f}  "

@@ -48,7 +48,7 @@ from tuning.search.settings import (
 
 
 class Evaluation(eqx.Module):
-    """What is known of the free numbers of each descent, one row each.
+    """Values at the free numbers of each descent, one row each.
 
     Attributes:
         loss: objective of all training members.
@@ -64,7 +64,7 @@ class Evaluation(eqx.Module):
 
 
 class Proposal(eqx.Module):
-    """Where the next step of each descent leads.
+    """Next step of each descent.
 
     Attributes:
         free: free numbers to try, one row each.
@@ -214,7 +214,7 @@ class Descent:
         return Evaluation(loss=loss, slope=slope, validation=validation, usable=usable)
 
     def _propose(self, state: State) -> Proposal:
-        """Where the next step leads: the optimiser's update at the rate in force."""
+        """The next step: the optimiser's update at the rate in force."""
         settings = self.settings
         turn = jnp.pi * state.number / settings.steps
         rate = settings.learning_rate * state.shrink * 0.5 * (1.0 + jnp.cos(turn))

@@ -150,7 +150,7 @@ def default_population(count: int) -> int:
 
 
 class _Ledger:
-    """What a search has spent, and the best it has seen."""
+    """Account of the rollouts of a search, and of the best set it has seen."""
 
     def __init__(self, losses: Losses, start: Series, batch: int, members: int) -> None:
         self._losses, self._dtype = losses, jnp.asarray(start).dtype

@@ -51,7 +51,7 @@ def promising_gains(
     seed: int,
     tell: Callable[[str], None] = lambda text: None,
 ) -> SearchResult:
-    """Where to descend from instead of gains that lose the glider.
+    """Gains to descend from instead of gains that lose the glider.
 
     CMA-ES on the training members, until few of them are lost.
 

@@ -1,4 +1,4 @@
-"""How to descend, where a descent stands, and what it reports of a step."""
+"""Settings of a descent, its state, and its report of a step."""
 
 import dataclasses
 import difflib
@@ -127,7 +127,7 @@ class Point(eqx.Module):
 
 
 class State(eqx.Module):
-    """Where the descents stand, one row each: all that their next step depends on.
+    """State of the descents, one row each: all that their next step depends on.
 
     Attributes:
         number: number of steps made.

@@ -165,7 +165,7 @@ class Space:
 # Compiled as one, not operation by operation where nothing is traced.
 @functools.partial(jax.jit, static_argnums=0)
 def _stretched(kinds: tuple[Bijection, ...], free: Series) -> list[Series]:
-    """Of all gains the part that does not need the edge, for each kind."""
+    """The part of all gains that does not need the edge, for each kind."""
     bent = bend(free)
     return [kind.stretch(bent) for kind in kinds]
 

@@ -132,7 +132,7 @@ class Lowering:
         return [moved]
 
     def _folded(self, equation: Any, x: list[Array]) -> list[Array]:
-        """What can be computed now is computed by JAX."""
+        """The result of a primitive of known numbers, computed by JAX."""
         values = [
             jnp.asarray(
                 np.array([n.value for n in a.ravel()]).reshape(a.shape), v.aval.dtype

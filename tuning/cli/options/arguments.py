@@ -90,7 +90,7 @@ def add_dt(parser: argparse.ArgumentParser) -> None:
 
 
 def add_case(parser: argparse.ArgumentParser) -> None:
-    """What is flown: one of the paper's cases, or a mission file."""
+    """Options of the case: one of the paper's, or a mission file."""
     parser.add_argument(
         "--config",
         type=Path,
@@ -110,7 +110,7 @@ def add_case(parser: argparse.ArgumentParser) -> None:
 
 
 def add_common(parser: argparse.ArgumentParser, out: str) -> None:
-    """Where results go, their precision, and how they are printed."""
+    """Options of the results: folder, precision, and form of printing."""
     add_output(parser)
     parser.add_argument(
         "--out", type=Path, default=Path(out), metavar="DIR", help=f"default: {out}"
