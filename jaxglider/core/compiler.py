@@ -90,7 +90,7 @@ def _merged(own_flags: str) -> str:
 
 
 def cache_folder() -> Path | None:
-    """Where compiled programs and probes are kept, for this user and processor.
+    """Folder of compiled programs and probes, for this user and processor.
 
     None for a user without a home folder, as in many containers.
     """

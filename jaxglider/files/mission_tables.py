@@ -87,12 +87,12 @@ def read_clock(table: TomlTable) -> Clock:
 
 def read_actuators(table: TomlTable, limits: Command[Any]) -> Command[Actuator]:
     """The three actuators; the limits of the vehicle by default."""
-    made = {}
+    actuators = {}
     for name, unit in COMMAND_UNITS.items():
         one = table.table(name)
         rate = one.get(f"rate_limit_{unit}_s", None)
         lag = one.get("time_constant_s", None)
-        made[name] = _built(
+        actuators[name] = _built(
             Actuator,
             one.where("")[:-1],
             one.number(f"limit_{unit}", float(getattr(limits, name))),
@@ -101,7 +101,7 @@ def read_actuators(table: TomlTable, limits: Command[Any]) -> Command[Actuator]:
         )
         one.close()
     table.close()
-    return Command(**made)
+    return Command(**actuators)
 
 
 def read_initial_state(table: TomlTable) -> GliderState:
@@ -222,7 +222,7 @@ def read_reference(table: TomlTable, guidance: LineOfSight) -> AbstractReference
         table.close()
         return AttitudeSchedule(schedule)
     path = table.table("waypoints")
-    made = _built(
+    course = _built(
         WaypointPath,
         "reference.waypoints",
         path.numbers("north_m"),
@@ -241,7 +241,7 @@ def read_reference(table: TomlTable, guidance: LineOfSight) -> AbstractReference
     )
     path.close()
     table.close()
-    return made
+    return course
 
 
 def _schedule(table: TomlTable, kind: str) -> Schedule:
@@ -268,7 +268,7 @@ def _schedule(table: TomlTable, kind: str) -> Schedule:
     heading = (
         [0.0] * count if no_heading else column("heading_deg", default.heading, degrees)
     )
-    made = _built(
+    schedule = _built(
         Schedule,
         "reference.schedule",
         start,
@@ -278,4 +278,4 @@ def _schedule(table: TomlTable, kind: str) -> Schedule:
         table.number("initial_depth_m", 0.0),
     )
     table.close()
-    return made
+    return schedule

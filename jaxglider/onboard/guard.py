@@ -172,10 +172,10 @@ def select(flag: Flag, yes: Any, no: Any) -> Any:
     return jax.tree.map(lambda a, b: jnp.where(flag, a, b), yes, no)
 
 
-def believed_plan(given: Any, old: Any) -> tuple[Any, Flag]:
+def believed_plan(plan: Any, old: Any) -> tuple[Any, Flag]:
     """A plan, as a whole the last good one where a number is not sound."""
-    usable = sound(given)
-    return select(usable, given, old), ~usable
+    usable = sound(plan)
+    return select(usable, plan, old), ~usable
 
 
 def status_names(word: int) -> list[str]:

@@ -53,7 +53,7 @@ class ChannelMetrics(eqx.Module):
 
     Attributes:
         max_error: max |e| [m or rad].
-        max_error_settled: the same over t* > T; NaN if that was never reached.
+        max_error_settled: max |e| over t* > T alone; NaN if that was never reached.
         rms_error: L2[e] [m or rad].
         rms_effort: L2[U], applied [kg, m or rad].
         chattering: L2[ΔU], applied, per tick [kg, m or rad].
@@ -81,16 +81,17 @@ class ChannelMetrics(eqx.Module):
 
 
 class Metrics(eqx.Module):
-    """What came of a rollout; zeros where it was over before its first tick.
+    """Measures of a whole rollout; zeros where it was over before its first tick.
 
     Attributes:
         channels: measures of each channel.
         end_time: active time [s].
         max_roll: largest |φ| [rad].
         max_pitch: largest |θ| [rad].
-        waypoints_reached: or schedule segments completed.
-        finite: nothing became NaN or infinite.
-        capsized: |φ| exceeded π/2.
+        waypoints_reached: number of waypoints reached, or of schedule segments
+            completed.
+        finite: flag, nothing became NaN or infinite.
+        capsized: flag, |φ| exceeded π/2.
     """
 
     channels: Channels[ChannelMetrics]
@@ -129,8 +130,8 @@ def add_tick(
     """Sums with one more tick.
 
     Args:
-        sums: so far.
-        state: at the start of the tick.
+        sums: sums over the ticks before.
+        state: true state at the start of the tick.
         error: e [m, rad].
         bounds: performance functions.
         limits: edges of the funnel.
@@ -195,8 +196,8 @@ def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Me
     """Metrics from the sums of a whole rollout.
 
     Args:
-        sums: over all active ticks.
-        state: at the end.
+        sums: sums over all active ticks.
+        state: state at the end.
         reached: waypoints reached or segments completed.
         dt: tick [s].
     """

@@ -153,9 +153,9 @@ def _label(controller: str) -> str:
 
 
 def _file_name(text: str) -> str:
-    kept = "".join(c if c.isalnum() or c in "-_." else "-" for c in text)
+    name = "".join(c if c.isalnum() or c in "-_." else "-" for c in text)
     try:
-        os.fsencode(kept)
+        os.fsencode(name)
     except UnicodeEncodeError:  # the locale's file names lack a letter
-        kept = "".join(c if c.isascii() else "-" for c in kept)
-    return kept.strip(".") or "run"
+        name = "".join(c if c.isascii() else "-" for c in name)
+    return name.strip(".") or "run"

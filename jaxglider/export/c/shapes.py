@@ -30,9 +30,9 @@ MAX_CHOICES = 1024
 
 def whole(numbers: Sequence[Number], shape: tuple[int, ...]) -> Array:
     """Numbers in an array of a shape."""
-    made = np.empty(len(numbers), dtype=object)
-    made[:] = numbers
-    return made.reshape(shape)
+    array = np.empty(len(numbers), dtype=object)
+    array[:] = numbers
+    return array.reshape(shape)
 
 
 def constant(value: Any, kind: str) -> Array:
@@ -178,10 +178,10 @@ def gather(
     sizes, mode = params["slice_sizes"], str(params["mode"]).rsplit(".", 1)[-1]
     axes = params["dimension_numbers"].start_index_map
     numbering = jnp.arange(operand.size).reshape(operand.shape)
-    given = list(indices.ravel())
+    parts = list(indices.ravel())
     settings = {k: v for k, v in params.items() if k not in ("mode", "fill_value")}
 
-    def taken(at: Sequence[int]) -> Array:
+    def slice_at(at: Sequence[int]) -> Array:
         place = jnp.asarray(at).reshape(indices.shape)
         chosen = lax.gather_p.bind(
             numbering, place, mode=params["mode"], fill_value=-1, **settings
@@ -189,10 +189,10 @@ def gather(
         return whole(list(operand.ravel()[np.ravel(chosen)]), shape)
 
     ranges = [operand.shape[n] - sizes[n] + 1 for n in axes]
-    result = choose(block, given, ranges, taken)
+    result = choose(block, parts, ranges, slice_at)
     if "FILL" not in mode:
         return result
-    for index, size in zip(given, ranges, strict=True):
+    for index, size in zip(parts, ranges, strict=True):
         low = apply(block, "lt", (index, literal(0, index.kind)), "bool", {})
         high = apply(block, "ge", (index, literal(size, index.kind)), "bool", {})
         outside = apply(block, "or", (low, high), "bool", {})
@@ -210,25 +210,25 @@ def dynamic_slice(block: Block, x: Sequence[Array], sizes: Sequence[int]) -> Arr
     operand, *starts = x
     ranges = [n - s + 1 for n, s in zip(operand.shape, sizes, strict=True)]
 
-    def taken(at: Sequence[int]) -> Array:
+    def slice_at(at: Sequence[int]) -> Array:
         return operand[tuple(slice(a, a + s) for a, s in zip(at, sizes, strict=True))]
 
-    return choose(block, [s[()] for s in starts], ranges, taken)
+    return choose(block, [s[()] for s in starts], ranges, slice_at)
 
 
 def choose(
     block: Block,
     index: Sequence[Number],
     ranges: Sequence[int],
-    taken: Callable[[Sequence[int]], Array],
+    slice_at: Callable[[Sequence[int]], Array],
 ) -> Array:
-    """taken(index) for an index known on board, each part clamped to its range.
+    """slice_at(index) for an index known on board, each part clamped to its range.
 
     Args:
         block: block that takes the statements.
         index: parts of the index.
         ranges: number of places that each part can point at.
-        taken: function from an index to the numbers there.
+        slice_at: function from an index to the numbers there.
 
     Raises:
         ExportError: there are too many places.
@@ -245,9 +245,9 @@ def choose(
         known = [
             min(max(int(i.value), 0), n - 1) for i, n in zip(index, ranges, strict=True)
         ]
-        return np.array(taken(known), dtype=object)
+        return np.array(slice_at(known), dtype=object)
     if in_table:
-        columns = [taken(place) for place in places]
+        columns = [slice_at(place) for place in places]
         return whole(
             [
                 looked_up(block, index[many[0]], [column[n] for column in columns])
@@ -255,11 +255,11 @@ def choose(
             ],
             columns[0].shape,
         )
-    result: Any = np.array(taken(places[-1]), dtype=object)
+    result: Any = np.array(slice_at(places[-1]), dtype=object)
     for place in reversed(places[:-1]):
         here = _points_at(block, index, ranges, place)
         for n in np.ndindex(*result.shape):
-            pair = (here, result[n], taken(place)[n])
+            pair = (here, result[n], slice_at(place)[n])
             result[n] = apply(block, "select_n", pair, pair[1].kind, {})
     return result
 
