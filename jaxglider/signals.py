@@ -216,7 +216,12 @@ def map_fields(function: Callable[..., Any], first: Any, *rest: Any) -> Any:
 
 
 def zeros(kind: type[C], like: Any = 0.0) -> C:
-    """A container of zeros with the precision of `like`."""
+    """A container of zeros with the precision of `like`.
+
+    Args:
+        kind: class of the container.
+        like: number whose precision it takes.
+    """
     zero = jnp.zeros_like(as_float(like))
     return kind(*(zero for _ in dataclasses.fields(kind)))  # type: ignore[arg-type]
 

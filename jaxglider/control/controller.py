@@ -95,6 +95,10 @@ def tracking_error(
 
     So one attitude gives one command, however many full turns its angles hold. A law
     that uses an angle itself, not its sine, has to wrap it too.
+
+    Args:
+        measurement: measurement, or the truth in its form.
+        reference: wanted outputs [m, rad] and their rates [m/s, rad/s].
     """
     s, target = measurement.state, reference.position
     error = Channels(
@@ -128,6 +132,10 @@ def allocate(
 
 def check_positive(owner: str, gains: dict[str, Any]) -> None:
     """Refuse gains that are not positive, channel by channel.
+
+    Args:
+        owner: name of the class, for the message.
+        gains: containers of gains by their names.
 
     Raises:
         ValueError: names the gain.

@@ -47,7 +47,13 @@ class Funnel(Container):
         rate: Channels[Scalar],
         bounds: Channels[Bound],
     ) -> Channels[TransformedError]:
-        """ε, ε', κ and λ of each channel."""
+        """ε, ε', κ and λ of each channel.
+
+        Args:
+            error: e of each channel [m, rad].
+            rate: e' of each channel [m/s, rad/s].
+            bounds: performance functions now.
+        """
         return map_fields(
             lambda t, e, e1, b: t(e, e1, b), self.transformation, error, rate, bounds
         )

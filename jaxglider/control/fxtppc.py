@@ -179,6 +179,11 @@ def reaching_law(s: Scalar, mu: Scalar, smoothing: Scalar) -> Scalar:
     """sig^{1+1/μ}(s) + s + sig^{1−1/μ}(s).
 
     s' = −k times this settles within 2μ/k from anywhere.
+
+    Args:
+        s: sliding variable.
+        mu: μ > 1.
+        smoothing: δ of the signed powers.
     """
     (power,) = modulus_powers(s, (1.0 / mu,), smoothing)
     return s * (power + 1.0 + 1.0 / power)

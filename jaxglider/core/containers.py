@@ -61,6 +61,11 @@ def concrete(value: Any) -> np.ndarray | None:
 def check_finite(owner: str, name: str, value: Any) -> None:
     """Refuse NaN and infinity.
 
+    Args:
+        owner: name of the class, for the message.
+        name: name of the field.
+        value: number or array; a traced one passes unchecked.
+
     Raises:
         ValueError: `value` is concrete and not finite.
     """

@@ -24,6 +24,10 @@ def scale_gradient(x: Scalar, share: Scalar) -> Scalar:
 
     Once a tick on what a closed loop remembers, it makes the gradient of a long run
     forget: see `rollout.evaluate`.
+
+    Args:
+        x: number.
+        share: share of the derivative that goes on, in [0, 1].
     """
     return x
 
@@ -91,7 +95,12 @@ def signed_powers(
 
 
 def saturate(x: Scalar, limit: Scalar) -> Scalar:
-    """Clip to [−limit, limit]; the slope is one inside and zero outside."""
+    """Clip to [−limit, limit]; the slope is one inside and zero outside.
+
+    Args:
+        x: number.
+        limit: largest modulus.
+    """
     return jnp.clip(x, -limit, limit)
 
 
@@ -100,6 +109,10 @@ def select(index: Counter, values: Series) -> Scalar:
 
     One look-up whatever their number: a chain of selections as long as the list took
     half a second to compile for each entry, and is no faster for five.
+
+    Args:
+        index: number of the value wanted.
+        values: values to choose from.
     """
     return values.at[index].get(mode="clip")
 

@@ -26,7 +26,13 @@ class Attitude(eqx.Module):
 
 
 def attitude(roll: Scalar, pitch: Scalar, heading: Scalar) -> Attitude:
-    """Sines and cosines of roll, pitch and heading [rad]."""
+    """Sines and cosines of roll, pitch and heading [rad].
+
+    Args:
+        roll: φ [rad].
+        pitch: θ [rad].
+        heading: ψ [rad].
+    """
     return Attitude(*sincos(roll), *sincos(pitch), *sincos(heading))
 
 
@@ -112,6 +118,10 @@ def direction(x: Scalar, y: Scalar) -> Scalar:
 
     Its derivative there, which does not exist, is zero too. The native one is called
     once per lane on a CPU; this vectorises.
+
+    Args:
+        x: component along the x axis.
+        y: component along the y axis, in the same unit.
     """
     steep = jnp.abs(y) > jnp.abs(x)
     over, under = jnp.where(steep, x, y), jnp.where(steep, y, x)

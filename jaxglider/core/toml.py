@@ -19,6 +19,10 @@ class ConfigError(ValueError):
 def number(value: Any, where: str) -> float:
     """A TOML number as a float.
 
+    Args:
+        value: value from the file.
+        where: path of its key, for the message.
+
     Raises:
         ConfigError: it is no number, or not finite.
     """
@@ -36,6 +40,10 @@ def number(value: Any, where: str) -> float:
 def whole_number(value: Any, where: str) -> int:
     """A TOML integer.
 
+    Args:
+        value: value from the file.
+        where: path of its key, for the message.
+
     Raises:
         ConfigError: it is none.
     """
@@ -46,6 +54,11 @@ def whole_number(value: Any, where: str) -> int:
 
 def choice(name: Any, allowed: dict[str, Any], where: str) -> Any:
     """The value that a name stands for.
+
+    Args:
+        name: name from the file.
+        allowed: values by their names.
+        where: path of its key, for the message.
 
     Raises:
         ConfigError: the name is not among those allowed.
@@ -59,6 +72,11 @@ def choice(name: Any, allowed: dict[str, Any], where: str) -> Any:
 
 def refuse_unknown(rest: Any, allowed: list[str], path: str) -> None:
     """Refuse keys that nobody has read.
+
+    Args:
+        rest: keys left over.
+        allowed: keys there are.
+        path: path of their table, for the message.
 
     Raises:
         ConfigError: names the first such key, and the nearest one allowed.

@@ -62,7 +62,12 @@ class Current(Container):
         check_interval("Current", "tide_period", self.tide_period, 0.0)
 
     def velocity(self, depth: Scalar, time: Scalar) -> tuple[Scalar, Scalar]:
-        """North and east [m/s] at a depth [m] and a time [s]."""
+        """North and east [m/s] at a depth [m] and a time [s].
+
+        Args:
+            depth: Z [m], positive down.
+            time: present time [s].
+        """
         wave, _ = sincos(2.0 * math.pi * time / self.tide_period + self.tide_phase)
         return (
             self.north + self.shear_north * depth + self.tide_north * wave,

@@ -139,12 +139,23 @@ def mission_time(
 
 
 def is_within(x: Scalar, limit: Scalar) -> Flag:
-    """|x| ≤ limit; false for NaN."""
+    """|x| ≤ limit; false for NaN.
+
+    Args:
+        x: number.
+        limit: largest modulus believed.
+    """
     return jnp.abs(x) <= limit
 
 
 def within(x: Scalar, old: Scalar, limit: Scalar) -> Scalar:
-    """The number, or the old one where it is out of its range."""
+    """The number, or the old one where it is out of its range.
+
+    Args:
+        x: number.
+        old: last believed number.
+        limit: largest modulus believed.
+    """
     return jnp.where(is_within(x, limit), x, old)
 
 
@@ -168,12 +179,23 @@ def sound(tree: Any) -> Flag:
 
 
 def select(flag: Flag, yes: Any, no: Any) -> Any:
-    """One of two pytrees, leaf by leaf."""
+    """One of two pytrees, leaf by leaf.
+
+    Args:
+        flag: condition.
+        yes: pytree where it holds.
+        no: pytree where it does not.
+    """
     return jax.tree.map(lambda a, b: jnp.where(flag, a, b), yes, no)
 
 
 def believed_plan(plan: Any, old: Any) -> tuple[Any, Flag]:
-    """A plan, as a whole the last good one where a number is not sound."""
+    """A plan, as a whole the last good one where a number is not sound.
+
+    Args:
+        plan: row of the plan.
+        old: last believed one.
+    """
     usable = sound(plan)
     return select(usable, plan, old), ~usable
 

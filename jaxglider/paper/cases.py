@@ -123,7 +123,12 @@ def make_scenario(
 
 
 def design_model(plant: AbstractPlant, factor: float = DESIGN_FACTOR) -> DesignModel:
-    """The design model that the paper's designer has of a plant."""
+    """The design model that the paper's designer has of a plant.
+
+    Args:
+        plant: glider to be steered.
+        factor: factor on all its parameters in the belief.
+    """
     exact = plant.model()
     return DesignModel(exact.parameters.scaled(factor), exact.actuation)
 

@@ -51,7 +51,12 @@ _FUNNELS = {
 def funnel(
     scenario: str, form: type[AbstractPerformanceFunction] = SechFunction
 ) -> Funnel:
-    """The performance functions of a case, symmetric, in one of the forms."""
+    """The performance functions of a case, symmetric, in one of the forms.
+
+    Args:
+        scenario: `switching` or `waypoints`.
+        form: class of the performance functions.
+    """
     performance = {
         channel: form(*numbers) for channel, numbers in _FUNNELS[scenario].items()
     }
@@ -108,7 +113,12 @@ def fixed_time_observer(model: DesignModel) -> FixedTimeObserver:
 
 
 def make_observer(controller: str, model: DesignModel) -> AbstractObserver:
-    """The observer the paper gives a controller: none for `smc`."""
+    """The observer the paper gives a controller: none for `smc`.
+
+    Args:
+        controller: name of the controller.
+        model: design model.
+    """
     return NoObserver() if controller == "smc" else fixed_time_observer(model)
 
 

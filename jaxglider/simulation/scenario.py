@@ -52,6 +52,11 @@ class Clock(Container):
     def lasting(cls, duration: float, dt: float = 0.05, substeps: int = 1) -> "Clock":
         """A clock for a duration [s], a whole number of ticks (rounded up).
 
+        Args:
+            duration: length of the run [s].
+            dt: control tick [s].
+            substeps: integration steps per tick.
+
         Raises:
             ValueError: a number is not positive, or the run has too many ticks.
         """

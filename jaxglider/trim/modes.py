@@ -109,6 +109,10 @@ def transmission_zeros(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
     The finite s for which [[A − s, B], [C, 0]] is singular, with depth, pitch and
     heading as outputs.
+
+    Args:
+        a: A of `linearise`.
+        b: B of `linearise`.
     """
     outputs = [STATES.index(name) for name in CHANNELS]
     n, m = b.shape

@@ -168,6 +168,10 @@ def with_member(
     """The closed loop of one member, its sea, and the errors of its sensors.
 
     They are the arguments of `simulate` and `evaluate`.
+
+    Args:
+        loop: closed loop.
+        member: values of the uncertain quantities and a random key.
     """
     scenario = loop.scenario
     if member.values:
@@ -184,6 +188,10 @@ def with_member(
 
 def look_up(scenario: Scenario, path: str) -> Any:
     """The end of a path: fields, keys and numbers, separated by dots.
+
+    Args:
+        scenario: scenario that the path begins in.
+        path: dotted path, as `plant.parameters.drag`.
 
     Raises:
         ValueError: it leads nowhere.

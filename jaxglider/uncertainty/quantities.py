@@ -24,6 +24,11 @@ AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 def relative(scenario: Scenario, name: str, factor: AbstractDistribution) -> Quantity:
     """A parameter of the glider with a distribution for its factor on the nominal.
 
+    Args:
+        scenario: scenario with the nominal value.
+        name: name of the parameter.
+        factor: distribution of the factor.
+
     Raises:
         ValueError: there is no such parameter, or the factor is not always positive.
     """

@@ -83,7 +83,12 @@ class FullPlant(AbstractPlant):
 
 @jax.named_scope("momentum_transport")
 def momentum_transport(mass: MassMatrix, nu: BodyAxes[Scalar]) -> BodyAxes[Scalar]:
-    """(P × ω, K × ω + P × v): what turning axes do to momentum; it does no work."""
+    """(P × ω, K × ω + P × v): what turning axes do to momentum; it does no work.
+
+    Args:
+        mass: mass matrix.
+        nu: ν, body velocity [m/s, rad/s].
+    """
     m = mass
     u, v, w, p, q, r = nu.fields()
     p1 = barrier(m.surge * u + m.c01 * q + m.c02 * r)
@@ -132,7 +137,12 @@ def weight(
 
 @jax.named_scope("acceleration")
 def accelerate(mass: MassMatrix, force: BodyAxes[Scalar]) -> BodyAxes[Scalar]:
-    """M⁻¹ (force, moment) in closed form, through J − Cᵀ diag(m)⁻¹ C."""
+    """M⁻¹ (force, moment) in closed form, through J − Cᵀ diag(m)⁻¹ C.
+
+    Args:
+        mass: mass matrix.
+        force: force [N] and moment [N m], body frame.
+    """
     m = mass
     f1, f2, f3 = force.surge, force.sway, force.heave
     d1, d2, d3 = barrier(1.0 / m.surge), barrier(1.0 / m.sway), barrier(1.0 / m.heave)

@@ -66,6 +66,11 @@ def mass_matrix(
 
     The moving mass is at (x_p + r_p1, R_p sin γ, R_p cos γ) and its inertia is turned
     with it. The published γ turns the other way.
+
+    Args:
+        parameters: masses and inertias.
+        body: places of the masses.
+        command: command held by the actuators [kg, m, rad].
     """
     sine, cosine = sincos(command.mass_angle)
     mh, xh, zh = body.hull_mass, body.hull_ahead, body.hull_below

@@ -117,7 +117,13 @@ class AbstractActuation(eqx.Module):
     def effectiveness(
         self, parameters: GliderParameters, a: Attitude, gamma: Scalar
     ) -> Effectiveness:
-        """B(η, γ): the control-affine form that a design model works with."""
+        """B(η, γ): the control-affine form that a design model works with.
+
+        Args:
+            parameters: parameters of the glider.
+            a: attitude of the glider.
+            gamma: γ [rad] that B is evaluated at.
+        """
 
     def restoring(self, parameters: GliderParameters, a: Attitude) -> BodyAxes[Scalar]:
         """E(η): the moment [N m] of everything at rest."""
@@ -127,7 +133,13 @@ class AbstractActuation(eqx.Module):
     def wrench(
         self, parameters: GliderParameters, a: Attitude, command: Command[Scalar]
     ) -> BodyAxes[Scalar]:
-        """Force and moment of the actuators on the true glider, B U + E [N, N m]."""
+        """Force and moment of the actuators on the true glider, B U + E [N, N m].
+
+        Args:
+            parameters: parameters of the glider.
+            a: attitude of the glider.
+            command: command held by the actuators [kg, m, rad].
+        """
 
 
 class PrintedActuation(AbstractActuation):

@@ -60,7 +60,13 @@ def check_sensors(sensors: Mapping[str, Sensor] | None) -> None:
 def realise_errors(
     sensors: Mapping[str, Sensor], key: jax.Array, times: Series
 ) -> dict[str, Series]:
-    """The error of each sensor at each of the times; every sensor has its own key."""
+    """The error of each sensor at each of the times; every sensor has its own key.
+
+    Args:
+        sensors: sensors by the names of their states.
+        key: random key.
+        times: times of measurement [s].
+    """
     return {
         name: sensor.bias
         + sensor.noise
@@ -70,14 +76,24 @@ def realise_errors(
 
 
 def with_errors(state: GliderState, errors: Mapping[str, Scalar] | None) -> GliderState:
-    """The state as the sensors give it; itself without any errors."""
+    """The state as the sensors give it; itself without any errors.
+
+    Args:
+        state: true state.
+        errors: errors by the names of the states, in their units, or None.
+    """
     return dataclasses.replace(
         state, **{name: getattr(state, name) + e for name, e in (errors or {}).items()}
     )
 
 
 def measured(truth: Measurement, errors: Mapping[str, Scalar] | None) -> Measurement:
-    """The measurement of a glider whose sensors have errors."""
+    """The measurement of a glider whose sensors have errors.
+
+    Args:
+        truth: measurement of perfect sensors.
+        errors: errors by the names of the states, in their units, or None.
+    """
     if errors is None:
         return truth
     state = with_errors(truth.state, errors)
