@@ -22,7 +22,7 @@ NO_NOUN = """
 """Words that begin a line whose noun is left to the reader."""
 QUESTIONS = ("As", "How", "In", "It", "Of", "What", "Where", "Who", "Whose")
 """Words that begin a summary of which the reader has to guess what it is about."""
-MANY = 4
+MANY = 3
 """A public function with this many arguments has to explain them."""
 
 

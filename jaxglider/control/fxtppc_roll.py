@@ -48,7 +48,7 @@ class RollAwareState(eqx.Module):
 
     Attributes:
         integral: integral of the surface of each channel, the paper's law's own state.
-        asked: U as it was asked for in the previous tick.
+        asked: U that the law asked for in the previous tick.
     """
 
     integral: Channels[Scalar]

@@ -68,6 +68,11 @@ def make_controller(name: str, scenario: str, model: DesignModel) -> AbstractCon
 
     The funnel of `smc` only serves to judge it by the same bounds.
 
+    Args:
+        name: name of the controller.
+        scenario: `switching` or `waypoints`.
+        model: design model.
+
     Raises:
         ValueError: an unknown name.
     """

@@ -126,6 +126,11 @@ def new_figure(width: float, height: float) -> Figure:
 def flat(axes: Any, number: int, owner: str) -> list[Axes]:
     """The axes in reading order.
 
+    Args:
+        axes: axes in an array or sequence of any shape.
+        number: number of axes needed.
+        owner: name of the figure, for the message.
+
     Raises:
         ValueError: their number is wrong.
     """

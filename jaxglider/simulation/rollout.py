@@ -135,7 +135,7 @@ def evaluate(
     recomputes the others, at the price of a rollout (`sparse_checkpoints`).
 
     Where a loop oscillates, the exact derivative of a long run grows by orders of
-    magnitude with its horizon and foretells nothing. With a gradient memory τ the
+    magnitude with its horizon and predicts nothing. With a gradient memory τ the
     influence of what was t seconds ago is weighed by e^(−t/τ): a biased derivative, a
     far better guide, and the exact one for τ = ∞. Values do not change.
 

@@ -125,7 +125,7 @@ def uniform_uncertainty(
         scenario: the nominal one.
         parameters: half width of masses, inertias and hydrodynamic coefficients,
             uniform, relative, in [0, 1).
-        amplitude: half width of the waves' amplitudes, likewise; their phases are then
+        amplitude: half width of the waves' amplitudes, relative; their phases are then
             uniform on the circle. Zero leaves the waves alone.
         position: half width of the starting position north and east [m], uniform.
 

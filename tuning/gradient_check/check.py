@@ -2,7 +2,7 @@
 
 Two questions, apart. Is the derivative exact? Then it agrees with central differences
 at small steps, D(h) = (J(x+h) − J(x−h))/2h, or with a pair of them extrapolated to
-zero, (r² D(h) − D(rh))/(r² − 1). Is it of use? Then it also foretells the change of J
+zero, (r² D(h) − D(rh))/(r² − 1). Is it of use? Then it also predicts the change of J
 over the steps that a descent takes, 1 % to 10 % of a gain. On long runs the first can
 hold without the second.
 
@@ -52,7 +52,7 @@ class GradientReport:
         differences: D(h), k rows.
         changes: larger one of |J(x+h) − J(x)| and |J(x−h) − J(x)|, k rows.
         error: |D − gradient| / |gradient| at the surest difference.
-        reach: largest step up to which the gradient foretells the change of J.
+        reach: largest step up to which the gradient predicts the change of J.
         copies: gradients at copies of x scattered around it, m rows.
         saturated: share of ticks in saturation of the gain's channel; NaN if not given.
         kinds: verdict of each gain in a word.
@@ -93,7 +93,7 @@ class GradientReport:
 
     @property
     def prediction(self) -> np.ndarray:
-        """True over foretold change of J at each step; 1 is perfect."""
+        """True over predicted change of J at each step; 1 is perfect."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.differences / self.gradient)
 

@@ -22,7 +22,7 @@ def render(report: GradientReport) -> str:
     wide = max(len("gain"), *(len(name) for name in report.names))
     lines = [
         f"J = {report.value:.6g}, rounding noise {report.noise:.1e}. Under a step: the "
-        "true over the foretold change of J, 1 is perfect.",
+        "true over the predicted change of J, 1 is perfect.",
         f"{'gain':<{wide}}" + "".join(f"{t:>12}" for t in [*titles, "saturated"]),
     ]
     for i, name in enumerate(report.names):

@@ -60,7 +60,7 @@ def resolve(
             twice counts once.
         controllers: kinds that the words stand for.
         scenario: `switching` or `waypoints`; which gains `tuned` stands for.
-        plant: name of the plant; likewise.
+        plant: name of the plant.
         own: set of gains that `mission` stands for, where there is one.
 
     Raises:

@@ -31,6 +31,11 @@ def clopper_pearson(
     [B(α/2; k, n − k + 1), B(1 − α/2; k + 1, n − k)], B quantiles of the beta
     distribution.
 
+    Args:
+        successes: k.
+        trials: n.
+        level: level of confidence, 1 − α.
+
     Raises:
         ValueError: not 0 ≤ k ≤ n with n ≥ 1.
     """

@@ -129,7 +129,13 @@ def figure(value: float | None) -> str:
 def markdown_table(
     head: Sequence[str], rows: Sequence[Sequence[str]], left: int
 ) -> list[str]:
-    """A Markdown table, its first columns to the left."""
+    """A Markdown table, its first columns to the left.
+
+    Args:
+        head: titles of the columns.
+        rows: cells, one sequence a row.
+        left: number of columns that are aligned to the left.
+    """
     rule = ["---"] * left + ["---:"] * (len(head) - left)
     lines = ["| " + " | ".join(row) + " |" for row in (head, rule, *rows)]
     return [*lines, ""]

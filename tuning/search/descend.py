@@ -168,7 +168,7 @@ def _line(step: Step, state: State, settings: DescentSettings, pace: float) -> s
 
 
 def _gradient_remark(problem: TuningProblem, start: Series) -> str:
-    """Whether the derivative at the start is exact, and how far it foretells.
+    """Whether the derivative at the start is exact, and how far it predicts.
 
     On the beginning of the nominal case: differences of a long run are rounding.
     """

@@ -37,7 +37,7 @@ class Generation:
         refused: always false; a search keeps its best and refuses nothing.
         best: flag, it holds the best set so far.
         learning_rate: standard deviation of the draws, in the free numbers.
-        rollouts: spent so far, in rollout-equivalents.
+        rollouts: cost so far, in rollout-equivalents.
     """
 
     number: int

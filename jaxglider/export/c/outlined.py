@@ -68,7 +68,13 @@ def opened(closed: Any) -> Any:
 
 @cache
 def trace(name: str, dtype: str, shape: tuple[int, ...] = ()) -> ClosedJaxpr:
-    """The trace of one elementary function, without the call around it."""
+    """The trace of one elementary function, without the call around it.
+
+    Args:
+        name: name of the function in `elementary`.
+        dtype: type of its argument.
+        shape: shape of its argument.
+    """
     function = getattr(elementary, name)
     for _ in shape:
         function = jax.vmap(function)

@@ -206,7 +206,13 @@ def gather(
 
 
 def dynamic_slice(block: Block, x: Sequence[Array], sizes: Sequence[int]) -> Array:
-    """A window of an array at a place known on board, pushed inside."""
+    """A window of an array at a place known on board, pushed inside.
+
+    Args:
+        block: block that takes the statements.
+        x: operand and the start along each axis.
+        sizes: size of the window along each axis.
+    """
     operand, *starts = x
     ranges = [n - s + 1 for n, s in zip(operand.shape, sizes, strict=True)]
 
@@ -268,6 +274,11 @@ def looked_up(block: Block, index: Number, values: Sequence[Number]) -> Number:
     """values[index], the index clamped to its range: from the array that holds them.
 
     Numbers that stand side by side in a structure are its table already.
+
+    Args:
+        block: block that takes the statements.
+        index: index, known on board.
+        values: numbers to choose from.
     """
     kind = values[0].kind
     if all(v.text == values[0].text for v in values):

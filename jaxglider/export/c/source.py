@@ -207,7 +207,13 @@ def _static(function: Outlined) -> str:
 
 
 def constants_text(kind: str, name: str, tree: Any) -> str:
-    """The definition of the constant structure that holds a pytree's numbers."""
+    """The definition of the constant structure that holds a pytree's numbers.
+
+    Args:
+        kind: name of the structure's type.
+        name: name of the constant.
+        tree: pytree of the numbers.
+    """
     lines = []
     for field, leaf in zip(fields_of(tree), jax.tree.leaves(tree), strict=True):
         values = [literal(x, field.kind).text for x in np.asarray(leaf).ravel()]

@@ -2,7 +2,7 @@
 
 |∂f/∂x_j| σ_j, f the root mean square of an error and σ_j the standard deviation of what
 is drawn: the change of f by a typical change of x_j, for small ones. The median over
-members says what is usual; single derivatives of long runs can be huge and foretell
+members says what is usual; single derivatives of long runs can be huge and predict
 nothing (see `rollout.evaluate`).
 """
 

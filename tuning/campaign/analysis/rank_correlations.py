@@ -23,7 +23,13 @@ OUTPUTS = (
 
 
 def output(table: Rows, number: int, name: str) -> np.ndarray:
-    """One of `OUTPUTS` of each member; infinite for runs that failed."""
+    """One of `OUTPUTS` of each member; infinite for runs that failed.
+
+    Args:
+        table: rows of the campaign.
+        number: number of the set of gains.
+        name: name of the output.
+    """
     if name == LEFT:
         return table.left_funnel(number).astype(float)
     if name == SEVERITY:

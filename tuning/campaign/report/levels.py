@@ -57,7 +57,7 @@ def write_levels(
     Args:
         folder: folder that holds the folders of the levels.
         summaries: summaries by the names of the levels' own folders.
-        draws: the report, too.
+        draws: flag, the report is written and drawn besides summary.json.
     """
     write_json(folder / "summary.json", {"levels": named(summaries)})
     if not draws:

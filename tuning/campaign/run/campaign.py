@@ -37,7 +37,7 @@ class CampaignSettings:
         scenario: `switching`, `waypoints`, or the mission's name.
         plant: name of the plant.
         dt: control tick [s]; None for the case's own.
-        duration: horizon [s]; likewise.
+        duration: horizon [s]; None for the case's own.
         precision: bits of a number in the rollouts, 32 or 64.
         seed: seed of the members.
         members: number of members over all shards; the most there can be with

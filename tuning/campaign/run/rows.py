@@ -58,7 +58,13 @@ def row_type(quantities: int, gains: int) -> np.dtype:
 
 
 def make_rows(first: int, values: np.ndarray, metrics: np.ndarray) -> np.ndarray:
-    """Rows of members `first`, `first + 1` and so on, with their check sums."""
+    """Rows of members `first`, `first + 1` and so on, with their check sums.
+
+    Args:
+        first: number of the first member.
+        values: values of the uncertain numbers, one row a member.
+        metrics: results, with axes of member, set of gains and column.
+    """
     rows = np.zeros(len(values), row_type(values.shape[1], metrics.shape[1]))
     rows["member"] = np.arange(first, first + len(values))
     rows["values"], rows["metrics"] = values, metrics

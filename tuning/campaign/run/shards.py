@@ -64,6 +64,11 @@ def join(
 ) -> Manifest:
     """Write the rows of all shards to a folder, and its manifest.
 
+    Args:
+        shards: folders and manifests, in the order of the members.
+        out: folder to write to.
+        overwrite: flag, a campaign there is discarded.
+
     Raises:
         ValueError: the folder holds a campaign, or is one of the shards.
         OSError: it cannot be written.

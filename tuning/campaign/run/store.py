@@ -168,7 +168,13 @@ class Store:
 
 @contextlib.contextmanager
 def opened(folder: Path, kind: np.dtype, first: int) -> Iterator[Store]:
-    """The store of a folder, closed at the end."""
+    """The store of a folder, closed at the end.
+
+    Args:
+        folder: folder of the campaign.
+        kind: type of the rows.
+        first: number of the first member.
+    """
     store = Store(folder / "rows.bin", kind, first)
     try:
         yield store
@@ -185,7 +191,13 @@ def read_rows(path: Path, kind: np.dtype) -> np.ndarray:
 
 
 def whole_rows(path: Path, kind: np.dtype, first: int) -> int:
-    """Number of rows that are whole and in order, from the start."""
+    """Number of rows that are whole and in order, from the start.
+
+    Args:
+        path: path of the file.
+        kind: type of the rows.
+        first: number of the first member.
+    """
     rows = read_rows(path, kind)
     for start in range(0, len(rows), _AT_ONCE):
         part = np.array(rows[start : start + _AT_ONCE])
