@@ -63,15 +63,22 @@ class GliderState(Container):
     yaw_rate: Scalar = _number()
 
     @classmethod
-    def at_rest(cls, **given: Any) -> "GliderState":
-        """A state with the given fields and zero everywhere else."""
+    def at_rest(cls, **values: Any) -> "GliderState":
+        """A state with some fields by name, and zero everywhere else.
+
+        Args:
+            values: numbers by the names of the fields, in their units.
+
+        Raises:
+            ValueError: a name is no field.
+        """
         names = [field.name for field in dataclasses.fields(cls)]
-        unknown = sorted(set(given) - set(names))
+        unknown = sorted(set(values) - set(names))
         if unknown:
             raise ValueError(
                 f"GliderState has no field {unknown[0]!r}; choose from {names}."
             )
-        return cls(**{name: given.get(name, 0.0) for name in names})
+        return cls(**{name: values.get(name, 0.0) for name in names})
 
     def unturned(self) -> "GliderState":
         """The same state with full turns taken off roll and pitch, into [−π, π)."""
@@ -147,8 +154,16 @@ class Command(Container, Generic[T]):
     mass_angle: T = _number()
 
 
+CHANNEL_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
+"""SI unit of each controlled output, by the fields of `Channels`."""
+CHANNELS = tuple(CHANNEL_UNITS)
+"""Names of the controlled outputs."""
+COMMAND_UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
+"""SI unit of each command, by the fields of `Command`."""
+
+
 class Reference(eqx.Module):
-    """What the glider should do now.
+    """Wanted outputs of the glider at one instant.
 
     Attributes:
         position: η_d: depth [m], pitch [rad], heading [rad].
@@ -187,8 +202,8 @@ def map_fields(function: Callable[..., Any], first: Any, *rest: Any) -> Any:
     """Apply a function field by field to containers of one kind.
 
     Args:
-        function: called once per field, with that field of each container.
-        first: its type is the type of the result.
+        function: function called once per field, with that field of each container.
+        first: first container; its type is the type of the result.
         rest: further containers with the same field names.
     """
     names = [field.name for field in dataclasses.fields(first)]
@@ -201,7 +216,12 @@ def map_fields(function: Callable[..., Any], first: Any, *rest: Any) -> Any:
 
 
 def zeros(kind: type[C], like: Any = 0.0) -> C:
-    """A container of zeros with the precision of `like`."""
+    """A container of zeros with the precision of `like`.
+
+    Args:
+        kind: class of the container.
+        like: number whose precision it takes.
+    """
     zero = jnp.zeros_like(as_float(like))
     return kind(*(zero for _ in dataclasses.fields(kind)))  # type: ignore[arg-type]
 

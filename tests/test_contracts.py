@@ -36,7 +36,6 @@ from jaxglider.environment.disturbances import (
     ScaledDisturbance,
     Sum,
     axes,
-    same_on_all_axes,
 )
 from jaxglider.guidance import (
     AbstractReference,
@@ -341,7 +340,7 @@ REGISTRY = {
 
 
 def coloured():
-    return GaussMarkov(same_on_all_axes(0.01), axes(2.0, 3.0, 4.0, 5.0, 6.0, 7.0))
+    return GaussMarkov(BodyAxes(*(0.01,) * 6), axes(2.0, 3.0, 4.0, 5.0, 6.0, 7.0))
 
 
 @pytest.mark.parametrize("name", REGISTRY)

@@ -17,7 +17,6 @@ from jaxglider.environment.disturbances import (
     Sinusoid,
     Sum,
     axes,
-    same_on_all_axes,
 )
 from jaxglider.signals import BodyAxes
 
@@ -157,7 +156,7 @@ def test_equal_keys_give_equal_paths_and_other_members_other_ones():
 
 
 def test_a_still_sea_of_noise_is_calm():
-    law = GaussMarkov(same_on_all_axes(0.0), same_on_all_axes(1.0))
+    law = GaussMarkov(BodyAxes(*(0.0,) * 6), BodyAxes(*(1.0,) * 6))
     assert not _rows(law.realise(KEY, TIMES)).any()
 
 
@@ -181,7 +180,7 @@ def test_a_sum_adds_its_terms():
     ("law", "rule"),
     [
         (
-            lambda: GaussMarkov(axes(roll=-1.0), same_on_all_axes(1.0)),
+            lambda: GaussMarkov(axes(roll=-1.0), BodyAxes(*(1.0,) * 6)),
             r"standard_deviation\.roll must be zero or positive; received -1",
         ),
         (

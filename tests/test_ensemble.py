@@ -7,7 +7,8 @@ from jax import lax
 
 from jaxglider.core import batching as ensemble
 from jaxglider.core.batching import map_members, member_keys
-from jaxglider.environment.disturbances import GaussMarkov, same_on_all_axes
+from jaxglider.environment.disturbances import GaussMarkov
+from jaxglider.signals import BodyAxes
 
 COUNT = 13
 
@@ -15,7 +16,7 @@ COUNT = 13
 def _member(given):
     """A driven oscillator with its own noise: a rollout in miniature."""
     key, stiffness = given
-    law = GaussMarkov(same_on_all_axes(0.3), same_on_all_axes(2.0))
+    law = GaussMarkov(BodyAxes(*(0.3,) * 6), BodyAxes(*(2.0,) * 6))
     force = law.realise(key, jnp.arange(40) * 0.1).surge
 
     def tick(state, push):

@@ -316,8 +316,8 @@ def test_a_gradient_memory_fades_the_tangents_from_tick_to_tick():
 
     def tick(gain, carry, number):
         changed = eqx.tree_at(where, loop, gain)
-        given = jax.tree.map(lambda x: x[number], changed.inputs(sea))
-        return changed.tick(carry, given)[0]
+        inputs = jax.tree.map(lambda x: x[number], changed.inputs(sea))
+        return changed.tick(carry, inputs)[0]
 
     @jax.jit
     def push(carry, tangents, number):

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from jax import lax
 
-from jaxglider.core.runge_kutta import EULER, MIDPOINT, RK4, runge_kutta_step
+from jaxglider.core.runge_kutta import RK4, Tableau, runge_kutta_step
 from jaxglider.signals import GliderState
 
+EULER = Tableau((0.0,), (0.0,), (1.0,), 1)
+MIDPOINT = Tableau((0.0, 0.5), (0.5, 0.0), (0.0, 1.0), 2)
 TABLEAUX = [EULER, MIDPOINT, RK4]
 NAMES = ["euler", "midpoint", "rk4"]
 each_tableau = pytest.mark.parametrize("tableau", TABLEAUX, ids=NAMES)

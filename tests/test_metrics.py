@@ -164,13 +164,13 @@ def sums_of(roll, errors, commands):
         commands = Command(command, command, command)
         return add_tick(
             sums,
-            GliderState.at_rest(roll=roll),
-            Channels(error, error, error),
-            Channels(bound, bound, bound),
-            Channels(limits, limits, limits),
-            commands,
-            commands,
-            Command(held, held, held),
+            state=GliderState.at_rest(roll=roll),
+            error=Channels(error, error, error),
+            bounds=Channels(bound, bound, bound),
+            limits=Channels(limits, limits, limits),
+            wanted=commands,
+            applied=commands,
+            held=Command(held, held, held),
         ), None
 
     errors, commands = jnp.asarray(errors), jnp.asarray(commands)

@@ -11,8 +11,8 @@ from scipy.optimize import fsolve
 
 from jaxglider import Clock, GliderParameters, GliderState, load_vehicle, paper
 from jaxglider.signals import BodyAxes, Command
-from jaxglider.simulation.closed_loop import integrate
-from jaxglider.simulation.tick import TickPlan, with_start
+from jaxglider.simulation.motion import integrate
+from jaxglider.simulation.tick import TickInput, TickPlan
 from jaxglider.vehicle.hydrodynamics import coriolis, hydrodynamics
 from jaxglider.vehicle.moving_mass import (
     PrintedActuation,
@@ -229,8 +229,8 @@ def one_tick(plant, dt=0.05, substeps=1):
     )
 
     def advance(state, command, start, end):
-        given = with_start(TickPlan(jnp.asarray(0.0), end, *(None,) * 4), start, None)
-        return integrate(scenario, state, command, given)
+        inputs = TickInput(TickPlan(jnp.asarray(0.0), end, *(None,) * 4), start, None)
+        return integrate(scenario, state, command, inputs)
 
     # In a loop, which compiles fastest.
     return jax.jit(lambda *rows: jax.lax.map(lambda x: advance(*x), rows))

@@ -4,6 +4,7 @@ import jax
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import rotation_matrix
 
 from jaxglider.control.observer import observer_root
 from jaxglider.control.performance import (
@@ -34,8 +35,8 @@ errors = st.one_of(reals(-3.0, 3.0), reals(-1e6, 1e6))
 
 sincos = jax.jit(numerics.sincos)
 wrap = jax.jit(frames.wrap)
-rotation = jax.jit(frames.rotation_matrix)
-signed_power = jax.jit(numerics.signed_power)
+rotation = jax.jit(rotation_matrix)
+signed_power = jax.jit(lambda x, a, delta: numerics.signed_powers(x, (a,), delta)[0])
 solve = jax.jit(numerics.solve_symmetric)
 transform = jax.jit(
     lambda transformation, error, rate, width: transformation(

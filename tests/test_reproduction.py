@@ -12,7 +12,7 @@ from jax import lax
 
 from jaxglider import paper
 from jaxglider.simulation.metrics import finish
-from jaxglider.simulation.tick import with_start
+from jaxglider.simulation.tick import TickInput
 
 CHANNELS = ("depth", "pitch", "heading")
 FIGURES = {
@@ -82,8 +82,8 @@ def _chunk(loop, carry, times, sea):
         jax.tree.map(lambda x, part=part: x[part], sea)
         for part in (slice(None, -1), slice(1, None))
     )
-    given = with_start(loop.plan(times, end, None), start, None)
-    return lax.scan(lambda c, x: (loop.tick(c, x)[0], None), carry, given)[0]
+    inputs = TickInput(loop.plan(times, end, None), start, None)
+    return lax.scan(lambda c, x: (loop.tick(c, x)[0], None), carry, inputs)[0]
 
 
 def _metrics_in_chunks(loop):

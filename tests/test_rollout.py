@@ -1,6 +1,7 @@
 """The closed loop, tick by tick and as a whole."""
 
 import dataclasses
+import re
 
 import equinox as eqx
 import jax
@@ -13,8 +14,8 @@ from test_physics import MatrixGlider, array
 
 from jaxglider import Clock, GaussMarkov, paper
 from jaxglider.core.containers import as_float
-from jaxglider.environment.disturbances import same_on_all_axes
-from jaxglider.signals import GliderState
+from jaxglider.environment.water import Current, Stratification, Water
+from jaxglider.signals import BodyAxes, GliderState
 from jaxglider.simulation.rollout import evaluate, simulate
 
 
@@ -166,7 +167,7 @@ def test_more_substeps_move_the_measures_little(runs, finer):
 def noisy(loops):
     scenario = dataclasses.replace(
         loops["switching"].scenario,
-        disturbance=GaussMarkov(same_on_all_axes(0.02), same_on_all_axes(5.0)),
+        disturbance=GaussMarkov(BodyAxes(*(0.02,) * 6), BodyAxes(*(5.0,) * 6)),
     )
     return dataclasses.replace(loops["switching"], scenario=scenario)
 
@@ -279,3 +280,38 @@ def test_records_of_all_controllers_have_one_type():
         kinds.append(jax.eval_shape(simulate, loop, loop.scenario.sea(jr.key(0))))
     assert jax.tree.structure(kinds[0]) == jax.tree.structure(kinds[2])
     assert kinds[0] == kinds[1] == kinds[2]
+
+
+def test_every_physical_term_is_named_in_the_compiler_s_input():
+    loop = paper.make_loop("waypoints", duration=1.0)
+    water = Water(Current(north=0.1), Stratification(50.0, density_gradient=1e-6))
+    scenario = dataclasses.replace(loop.scenario, water=water)
+    loop = dataclasses.replace(loop, scenario=scenario)
+    lowered = jax.jit(evaluate).lower(loop, scenario.sea(jax.random.key(0)))
+    text = lowered.compiler_ir("hlo").as_hlo_module().to_string()
+    paths = re.findall(r'op_name="([^"]*)"', text)
+    scopes = {scope for path in paths for scope in path.split("/")}
+    assert scopes >= {
+        "measurement",
+        "guidance",
+        "controller",
+        "performance_functions",
+        "error_transformation",
+        "sliding_surface",
+        "drift",
+        "input_gain",
+        "allocation",
+        "actuators",
+        "integration",
+        "stratification",
+        "current",
+        "coriolis",
+        "hydrodynamics",
+        "actuator_wrench",
+        "restoring_moment",
+        "kinematics",
+        "observer",
+        "observer_root",
+        "judgement",
+        "metrics",
+    }

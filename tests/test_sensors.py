@@ -65,8 +65,9 @@ def test_absent_trouble_is_the_plain_loop(calm, simulate_jit):
 
 def test_without_sensors_and_funnel_a_tick_has_no_place_for_them():
     loop = paper.make_loop("switching", duration=1.0)
-    given = loop.inputs(loop.scenario.sea(KEY), loop.scenario.noise(KEY))
-    assert given.noise_start is given.noise_end is given.judging is None
+    inputs = loop.inputs(loop.scenario.sea(KEY), loop.scenario.noise(KEY))
+    plan = inputs.plan
+    assert inputs.noise_start is plan.noise_end is plan.judging is None
 
 
 def test_a_controller_sees_the_measured_state(fly, simulate_jit):

@@ -15,6 +15,7 @@ from toy_campaign import RUN, Toy
 import tuning.campaign.execute
 import tuning.campaign.report.conclude
 import tuning.campaign.report.report
+from jaxglider.signals import CHANNELS
 from jaxglider.simulation.rollout import simulate
 from jaxglider.uncertainty.members import with_member
 from tuning.campaign.analysis.rank_correlations import rank_correlations
@@ -22,7 +23,7 @@ from tuning.campaign.analysis.ribbons import Ribbons, ribbons
 from tuning.campaign.run.campaign import CampaignSettings, build
 from tuning.campaign.run.engine import Engine
 from tuning.campaign.run.loop import STEP, compute, draw
-from tuning.campaign.run.rows import CHANNELS, COLUMNS, Rows, flatten, make_rows
+from tuning.campaign.run.rows import COLUMNS, Rows, flatten, make_rows
 from tuning.campaign.run.store import Store, StoreFull, read_manifest, read_rows
 from tuning.problem.gain_sets import resolve
 

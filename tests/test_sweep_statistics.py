@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.rank_correlations import rank_correlations
 from tuning.campaign.analysis.summary import LINES, text_summary
-from tuning.campaign.run.rows import CHANNELS
 from tuning.reporting.statistics import (
     clopper_pearson,
     cvar,

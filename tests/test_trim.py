@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import angle_of_attack, straight_glide
 from scipy.linalg import expm
 
 from jaxglider import load_vehicle, paper
@@ -15,12 +16,7 @@ from jaxglider.signals import zeros as calm
 from jaxglider.trim.linear_model import INPUTS, STATES, linearise
 from jaxglider.trim.modes import analyse, transmission_zeros, zero_dynamics
 from jaxglider.trim.steady_motion import SteadyMotion, Target, steady_motion
-from jaxglider.trim.straight_glide import (
-    angle_of_attack,
-    glide_limits,
-    glide_polar,
-    straight_glide,
-)
+from jaxglider.trim.straight_glide import glide_limits, glide_polar
 from jaxglider.vehicle.full_plant import full_plant
 
 VEHICLES = {name: load_vehicle(name) for name in ("seawing", "rogue", "slocum")}

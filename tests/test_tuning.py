@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxglider import paper
+from jaxglider.signals import CHANNELS
 from jaxglider.simulation.rollout import evaluate
 from jaxglider.uncertainty.members import with_member
 from jaxglider.uncertainty.quantities import uniform_uncertainty
@@ -20,7 +21,7 @@ from tuning.problem.members import (
     nominal_member,
     sample_members,
 )
-from tuning.problem.objective import CHANNELS, UNIT, Objective, Weights
+from tuning.problem.objective import UNIT, Objective, Weights
 from tuning.problem.objective_file import DEFAULT_WEIGHTS, load_cost
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descent import Descent, scattered

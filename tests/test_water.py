@@ -6,9 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import rotation_matrix
 
 from jaxglider import Current, GliderState, Stratification, Water, load_vehicle, paper
-from jaxglider.core.rotations import attitude, ned_to_body, rotation_matrix
+from jaxglider.core.rotations import attitude, ned_to_body
 from jaxglider.core.runge_kutta import RK4, runge_kutta_step
 from jaxglider.environment.water import derivative_in_water
 from jaxglider.files.mission import build_mission

@@ -46,19 +46,24 @@ def evaluate(loop: ClosedLoop, sea: BodyAxes[Any]) -> Metrics:
     dt = scenario.clock.dt
 
     def derivative(time: Any, state: GliderState, held: Any) -> GliderState:
-        command, given = held
-        slope = given.force_end - given.force_start
-        force = map_fields(lambda f, k: f + time / dt * k, given.force_start, slope)
+        command, inputs = held
+        slope = inputs.plan.force_end - inputs.force_start
+        force = map_fields(lambda f, k: f + time / dt * k, inputs.force_start, slope)
         return scenario.plant.derivative(state, command, force)
 
-    def tick(carry: Carry, given: TickInput) -> tuple[Carry, None]:
+    def tick(carry: Carry, inputs: TickInput) -> tuple[Carry, None]:
         state = carry.state
         measurement = Measurement(
-            state, state.attitude(), carry.held, observer.estimate(carry.observer)
+            state=state,
+            attitude=state.attitude(),
+            applied=carry.held,
+            disturbance=observer.estimate(carry.observer),
         )
-        reference, _ = scenario.reference.step(None, given.planned, measurement, dt)
+        reference, _ = scenario.reference.step(
+            None, inputs.plan.planned, measurement, dt
+        )
         wanted, integral, record = controller.step(
-            carry.controller, measurement, reference, given.bounds, dt
+            carry.controller, measurement, reference, inputs.plan.bounds, dt
         )
         applied = follow_all(scenario.actuators, carry.held, wanted, dt)
         solution = diffrax.diffeqsolve(
@@ -68,30 +73,30 @@ def evaluate(loop: ClosedLoop, sea: BodyAxes[Any]) -> Metrics:
             t1=dt,
             dt0=dt,
             y0=state,
-            args=(applied, given),
+            args=(applied, inputs),
         )
         following = jax.tree.map(lambda x: x[0], solution.ys)
         seen = observer.step(carry.observer, measurement, applied, following, dt)
-        limits = controller.limits(given.bounds)
+        limits = controller.limits(inputs.plan.bounds)
         sums = add_tick(
             carry.sums,
-            state,
-            record.error,
-            given.bounds,
-            limits,
-            wanted,
-            applied,
-            carry.held,
+            state=state,
+            error=record.error,
+            bounds=inputs.plan.bounds,
+            limits=limits,
+            wanted=wanted,
+            applied=applied,
+            held=carry.held,
         )
         after = Carry(
-            following,
-            applied,
-            carry.reference,
-            integral,
-            seen,
-            sums,
-            carry.finished,
-            carry.reached,
+            state=following,
+            held=applied,
+            reference=carry.reference,
+            controller=integral,
+            observer=seen,
+            sums=sums,
+            finished=carry.finished,
+            reached=carry.reached,
         )
         return after, None
 

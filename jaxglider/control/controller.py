@@ -1,4 +1,4 @@
-"""What every controller is: its gains, a state, and one pure step.
+"""Protocol of a controller: its gains, a state, and one pure step.
 
 A controller never sees the plant. It gets a measurement and asks its own design model
 for f, g and h. All three laws of the paper differ only in the output acceleration they
@@ -9,6 +9,7 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from jaxglider.control.funnel import Funnel, Limits
@@ -28,7 +29,7 @@ from jaxglider.vehicle.design_model import DesignModel
 
 
 class ControlRecord(eqx.Module):
-    """What a controller reports of one tick; the same type for every controller.
+    """Report of a controller about one tick; the same type for every controller.
 
     Attributes:
         error: e = η − η_d [m, rad], angles wrapped to [−π, π).
@@ -77,11 +78,11 @@ class AbstractController(Container):
         """One tick.
 
         Args:
-            state: from `init` or the previous step.
-            measurement: all that may be known of the glider.
-            reference: what it should do.
-            bounds: this controller's `bounds` at the reference's clock; handed in
-                because they can often be computed for all ticks at once.
+            state: state from `init` or from the previous step.
+            measurement: everything that may be known of the glider.
+            reference: wanted outputs with their rates.
+            bounds: result of this controller's `bounds` at the reference's clock; an
+                argument because it can often be computed for all ticks at once.
             dt: tick [s].
 
         Returns:
@@ -108,6 +109,10 @@ def tracking_error(
 
     So one attitude gives one command, however many full turns its angles hold. A law
     that uses an angle itself, not its sine, has to wrap it too.
+
+    Args:
+        measurement: measurement, or the truth in its form.
+        reference: wanted outputs [m, rad] and their rates [m/s, rad/s].
     """
     s, target = measurement.state, reference.position
     error = Channels(
@@ -119,6 +124,7 @@ def tracking_error(
     return error, rate
 
 
+@jax.named_scope("allocation")
 def allocate(
     model: DesignModel,
     measurement: Measurement,
@@ -128,10 +134,10 @@ def allocate(
     """U = g⁻¹(demand − f − h d̂), with g inverted by damped least squares.
 
     Args:
-        model: what the designer believes.
-        measurement: carries d̂.
+        model: design model.
+        measurement: measurement, which carries d̂.
         demand: wanted output acceleration η'' [m/s², rad/s²].
-        damping: added to the diagonal of gᵀg, one positive number per actuator.
+        damping: terms added to the diagonal of gᵀg, one positive number per actuator.
     """
     push = map_fields(lambda d, f: d - f, demand, model.drift(measurement))
     push, gain = barrier((push, model.input_gain(measurement)))

@@ -1,6 +1,7 @@
 """The funnel: how large an error may be, and the transformation that keeps it there."""
 
 import equinox as eqx
+import jax
 
 from jaxglider.control.performance import AbstractPerformanceFunction, Bound
 from jaxglider.control.transform import ErrorTransformation, TransformedError
@@ -26,6 +27,7 @@ class Funnel(Container):
     performance: Channels[AbstractPerformanceFunction]
     transformation: Channels[ErrorTransformation]
 
+    @jax.named_scope("performance_functions")
     def bounds(self, clock: Scalar) -> Channels[Bound]:
         """P, P', P'' of each channel at t* [s]."""
         return map_fields(lambda p: p(clock), self.performance)
@@ -38,13 +40,20 @@ class Funnel(Container):
             self.transformation,
         )
 
+    @jax.named_scope("error_transformation")
     def transform(
         self,
         error: Channels[Scalar],
         rate: Channels[Scalar],
         bounds: Channels[Bound],
     ) -> Channels[TransformedError]:
-        """ε, ε', κ and λ of each channel."""
+        """ε, ε', κ and λ of each channel.
+
+        Args:
+            error: e of each channel [m, rad].
+            rate: e' of each channel [m/s, rad/s].
+            bounds: performance functions now.
+        """
         return map_fields(
             lambda t, e, e1, b: t(e, e1, b), self.transformation, error, rate, bounds
         )

@@ -99,10 +99,10 @@ class FxTPPC(AbstractController):
     """Fixed-time prescribed performance control.
 
     Attributes:
-        model: what the designer believes.
+        model: design model, the designer's belief about the glider.
         funnel: performance functions and error transformations.
         gains: k₁, k₂, ρ, μ of each channel.
-        damping: of the allocation, one per actuator.
+        damping: damping of the allocation, one number per actuator.
         smoothing: δ of the signed powers.
         exponents: the pairing, `paper_exponents` or `tian_exponents`.
 
@@ -155,6 +155,7 @@ class FxTPPC(AbstractController):
         record = ControlRecord(error, map_fields(lambda c: c.surface, law))
         return wanted, FxTPPCState(integral), record
 
+    @jax.named_scope("sliding_surface")
     def _channel(
         self, gains: ChannelGains, transformed: TransformedError, integral: Scalar
     ) -> "_ChannelLaw":
@@ -182,6 +183,11 @@ def reaching_law(s: Scalar, mu: Scalar, smoothing: Scalar) -> Scalar:
     """sig^{1+1/μ}(s) + s + sig^{1−1/μ}(s).
 
     s' = −k times this settles within 2μ/k from anywhere.
+
+    Args:
+        s: sliding variable.
+        mu: μ > 1.
+        smoothing: δ of the signed powers.
     """
     (power,) = modulus_powers(s, (1.0 / mu,), smoothing)
     return s * (power + 1.0 + 1.0 / power)

@@ -45,11 +45,11 @@ from jaxglider.vehicle.design_model import DesignModel
 
 
 class RollAwareState(eqx.Module):
-    """What is remembered from tick to tick.
+    """Memory from tick to tick.
 
     Attributes:
-        integral: of the surface of each channel, the law's own state.
-        asked: U as it was asked for in the previous tick.
+        integral: integral of the surface of each channel, the paper's law's own state.
+        asked: U that the law asked for in the previous tick.
     """
 
     integral: Channels[Scalar]
@@ -98,7 +98,7 @@ class RollAwareFxTPPC(AbstractController):
 
     @property
     def model(self) -> DesignModel:
-        """What the designer believes."""
+        """Design model of the paper's law."""
         return self.law.model
 
     @property

@@ -21,6 +21,7 @@ from abc import abstractmethod
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import lax
 
@@ -62,8 +63,8 @@ class AbstractObserver(Container):
         """The observer's state one tick later.
 
         Args:
-            observer_state: from `init` or the previous step.
-            measurement: what was measured at the start of the tick.
+            observer_state: state from `init` or from the previous step.
+            measurement: measurement at the start of the tick.
             applied: command held during the tick.
             following: measured state at the end of the tick.
             dt: tick [s].
@@ -94,7 +95,7 @@ class NoObserver(AbstractObserver):
 
 
 class ObserverState(eqx.Module):
-    """What the observer believes.
+    """State of the observer: its belief about velocity and disturbance.
 
     Attributes:
         velocity: ϖ [m/s, rad/s], body frame.
@@ -112,7 +113,7 @@ class FixedTimeObserver(AbstractObserver):
     """The fixed-time sliding-mode disturbance observer, stepped implicitly.
 
     Attributes:
-        model: what the designer believes.
+        model: design model, the designer's belief about the glider.
         proportional: ι₁ per axis.
         integral: ι₂ per axis.
         stretch: ς per axis, weight of the terms that act far from the surface.
@@ -185,6 +186,7 @@ class FixedTimeObserver(AbstractObserver):
         )
 
 
+@jax.named_scope("observer_root")
 def observer_root(
     target: Scalar, gains: tuple[Scalar, Scalar, Scalar, Scalar], steps: int
 ) -> Scalar:
@@ -202,14 +204,14 @@ def observer_root(
             the last.
     """
     single = jnp.finfo(jnp.result_type(target)).bits < 64
-    taken = max(steps - 1, 1) if single else steps
+    iterations = max(steps - 1, 1) if single else steps
 
     @not_inlined
     def newton_root(target: Scalar, gains: tuple[Scalar, ...]) -> Scalar:
-        return _newton_root(target, gains, taken)
+        return _newton_root(target, gains, iterations)
 
-    found = newton_root(*lax.stop_gradient((target, gains)))
-    return implicit_root(_left_side, found, target, gains)
+    root = newton_root(*lax.stop_gradient((target, gains)))
+    return implicit_root(_left_side, root, target, gains)
 
 
 def _newton_root(target: Scalar, gains: tuple[Scalar, ...], steps: int) -> Scalar:

@@ -2,22 +2,24 @@
 
 A performance function P(t*) is positive, falls strictly until the settling time T, and
 is its final bound P_∞ from then on. All forms here are built on z = T/(T − t*), which
-runs from 1 to ∞.
+runs from 1 to ∞, and carry their two derivatives along by the chain rule.
 
 Source: Yang and Mahmoudian, Eqs. for the proposed and the original function, after Liu,
 Liu and Jing 2018. Near T each form is below rounding while its factors overflow; past
-z = Z_LIMIT it is replaced by its limit, so value and gradient stay finite.
+an exponent of _EXPONENT_LIMIT it is replaced by P_∞, so value and gradient stay finite.
 """
 
 from abc import abstractmethod
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.core.containers import (
     Container,
+    Flag,
     Scalar,
     as_float,
     check_interval,
@@ -36,7 +38,7 @@ class Bound(eqx.Module):
         value: P, in the unit of its channel.
         rate: P' [1/s of that].
         acceleration: P'' [1/s² of that].
-        settled: t* is past the settling time.
+        settled: flag, t* is past the settling time.
     """
 
     value: Scalar
@@ -92,8 +94,9 @@ class SechFunction(AbstractPerformanceFunction):
 
     def __call__(self, clock: Scalar) -> Bound:
         """P, P' and P'' at t* [s]."""
-        slope = 1.0 / jnp.cosh(self.initial)
-        return _sech_bound(self, clock, slope, 1.0)
+        a = 1.0 / jnp.cosh(self.initial)
+        z, falling = _stretched_time(clock, self.settling_time, _EXPONENT_LIMIT / a)
+        return _settling(self, clock, falling, _sech(a * z))
 
 
 class HalfSechFunction(AbstractPerformanceFunction):
@@ -117,7 +120,9 @@ class HalfSechFunction(AbstractPerformanceFunction):
 
     def __call__(self, clock: Scalar) -> Bound:
         """P, P' and P'' at t* [s]."""
-        return _sech_bound(self, clock, self.initial, 0.5)
+        a = self.initial
+        z, falling = _stretched_time(clock, self.settling_time, _EXPONENT_LIMIT / a)
+        return _settling(self, clock, falling, 0.5 * _sech(a * z))
 
 
 class ExponentialFunction(AbstractPerformanceFunction):
@@ -141,66 +146,77 @@ class ExponentialFunction(AbstractPerformanceFunction):
 
     def __call__(self, clock: Scalar) -> Bound:
         """P, P' and P'' at t* [s]."""
-        z, z1, z2, falling = _stretched(clock, self.settling_time, _EXPONENT_LIMIT)
         duration = self.settling_time
-        height = self.initial - (1.0 - 1.0 / z)
-        decay = jnp.exp(1.0 - z)
-        rate = decay * (-1.0 / duration - height * z1)
-        curve = decay * (2.0 * z1 / duration + height * (z1 * z1 - z2))
-        return _switched(self, clock, falling, decay * height, rate, curve)
+        z, falling = _stretched_time(clock, duration, _EXPONENT_LIMIT)
+        # t*/T = 1 − 1/z.
+        height = self.initial - (1.0 - 1.0 / z.value)
+        decay = jnp.exp(1.0 - z.value)
+        curve = _Curve(
+            value=decay * height,
+            rate=decay * (-1.0 / duration - height * z.rate),
+            acceleration=decay
+            * (2.0 * z.rate / duration + height * (z.rate * z.rate - z.acceleration)),
+        )
+        return _settling(self, clock, falling, curve)
 
 
-def _sech_bound(
-    function: SechFunction | HalfSechFunction,
-    clock: Scalar,
-    slope: Scalar,
-    scale: float,
-) -> Bound:
-    """scale · sech(slope · z) + P_∞ and its rates."""
-    z, z1, z2, falling = _stretched(
-        clock, function.settling_time, _EXPONENT_LIMIT / slope
-    )
-    decay = jnp.exp(-slope * z)
-    sech = 2.0 * decay / (1.0 + decay * decay)
-    tanh = (1.0 - decay * decay) / (1.0 + decay * decay)
-    y1, y2 = slope * z1, slope * z2
-    rate = -sech * tanh * y1
-    curve = sech * ((tanh * tanh - sech * sech) * y1 * y1 - tanh * y2)
-    return _switched(
-        function, clock, falling, scale * sech, scale * rate, scale * curve
-    )
+class _Curve(eqx.Module):
+    """A function of t* at one instant, with its two derivatives in t* [1/s, 1/s²]."""
+
+    value: Scalar
+    rate: Scalar
+    acceleration: Scalar
+
+    def __rmul__(self, factor: Scalar | float) -> "_Curve":
+        return jax.tree.map(lambda x: factor * x, self)
 
 
-def _stretched(
+def _stretched_time(
     clock: Scalar, duration: Scalar, limit: Scalar | float
-) -> tuple[Scalar, Scalar, Scalar, Any]:
-    """z = T/(T − t*), z', z'', and whether z is below its limit."""
+) -> tuple[_Curve, Flag]:
+    """z = T/(T − t*), and whether it is below its limit; past that, z of t* = 0."""
     falling = clock < duration * (1.0 - 1.0 / jnp.maximum(limit, 1.0))
     z = duration / (duration - jnp.where(falling, clock, 0.0))
     z1 = z * z / duration
-    return z, z1, 2.0 * z * z1 / duration, falling
+    z2 = 2.0 * z * z1 / duration
+    return _Curve(value=z, rate=z1, acceleration=z2), falling
 
 
-def _switched(
-    function: Any,
+def _sech(y: _Curve) -> _Curve:
+    """sech y: (sech y)' = −sech y tanh y y', and so on.
+
+    The second derivative is sech y ((tanh² y − sech² y) y'² − tanh y y'').
+    """
+    decay = jnp.exp(-y.value)
+    sech = 2.0 * decay / (1.0 + decay * decay)
+    tanh = (1.0 - decay * decay) / (1.0 + decay * decay)
+    return _Curve(
+        value=sech,
+        rate=-sech * tanh * y.rate,
+        acceleration=sech
+        * ((tanh * tanh - sech * sech) * y.rate * y.rate - tanh * y.acceleration),
+    )
+
+
+def _settling(
+    function: SechFunction | HalfSechFunction | ExponentialFunction,
     clock: Scalar,
-    falling: Any,
-    value: Scalar,
-    rate: Scalar,
-    curve: Scalar,
+    falling: Flag,
+    curve: _Curve,
 ) -> Bound:
-    def live(x: Scalar) -> Scalar:
-        return jnp.where(falling, x, 0.0)
-
+    """P = curve + P_∞ while z is below its limit, else P_∞."""
+    live = jax.tree.map(lambda x: jnp.where(falling, x, 0.0), curve)
     return Bound(
-        live(value) + function.final_bound,
-        live(rate),
-        live(curve),
-        clock >= function.settling_time,
+        value=live.value + function.final_bound,
+        rate=live.rate,
+        acceleration=live.acceleration,
+        settled=clock >= function.settling_time,
     )
 
 
 def unbounded(clock: Scalar) -> Bound:
     """The funnel of a controller that has none: infinitely wide, never settled."""
     zero = jnp.zeros_like(clock)
-    return Bound(zero + jnp.inf, zero, zero, clock < zero)
+    return Bound(
+        value=zero + jnp.inf, rate=zero, acceleration=zero, settled=clock < zero
+    )

@@ -26,12 +26,12 @@ class PPC(AbstractController):
     """Prescribed performance control.
 
     Attributes:
-        model: what the designer believes.
+        model: design model, the designer's belief about the glider.
         funnel: performance functions and error transformations.
         l0: slope of the sliding surface [1/s].
-        l1_margin: by how much l₁ exceeds d/dt (1/λ), unit of the channel per second.
+        l1_margin: excess of l₁ over d/dt (1/λ), unit of the channel per second.
         l2: switching gain [m/s² or rad/s²].
-        damping: of the allocation, one per actuator.
+        damping: damping of the allocation, one number per actuator.
 
     Raises:
         ValueError: a gain is not positive.
@@ -47,7 +47,7 @@ class PPC(AbstractController):
     )
 
     def init(self) -> None:
-        """It has no memory."""
+        """No state: the law has no memory."""
         return None
 
     def step(

@@ -27,12 +27,12 @@ class SMC(AbstractController):
     """Sliding-mode control with a hyperbolic tangent in place of the signum.
 
     Attributes:
-        model: what the designer believes.
+        model: design model, the designer's belief about the glider.
         c0: slope of the sliding surface [1/s].
         c1: linear reaching gain [1/s].
         c2: switching gain [m/s² or rad/s²].
-        damping: of the allocation, one per actuator.
-        funnel: what its errors are judged against, or None; the law does not use it.
+        damping: damping of the allocation, one number per actuator.
+        funnel: funnel that errors are judged by, or None; the law does not use it.
 
     Raises:
         ValueError: a gain is not positive.
@@ -48,7 +48,7 @@ class SMC(AbstractController):
     funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})
 
     def init(self) -> None:
-        """It has no memory."""
+        """No state: the law has no memory."""
         return None
 
     def step(

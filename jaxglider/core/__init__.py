@@ -1,1 +1,1 @@
-"""What knows no glider: arrays, files of settings, numerics, integrators, batches."""
+"""Foundations that know no glider: arrays, TOML, numerics, integrators, batches."""

@@ -19,15 +19,16 @@ Result = TypeVar("Result")
 BLOCK = 64
 """Lanes per block on a CPU: they fill the vector units and fit the first cache."""
 WIDE_BLOCK = 2**14
-"""On an accelerator: they keep it busy, and their seas fit its memory."""
+"""Members in a block on an accelerator: enough to keep it busy, and their seas fit its
+memory."""
 
 
 def member_keys(seed: int, members: int, first: int = 0) -> jax.Array:
     """Keys of members `first` to `first + members`, one each.
 
     Args:
-        seed: of the whole ensemble.
-        members: how many.
+        seed: seed of the whole ensemble.
+        members: number of members.
         first: number of the first one.
 
     Raises:
@@ -53,10 +54,10 @@ def map_members(
     one where they do not divide evenly, and the padding is dropped from the result.
 
     Args:
-        function: of one member; pure.
+        function: pure function of one member.
         members: pytree of arrays with one leading axis.
         block: lanes per block; what suits the backend by default.
-        devices: to spread over; None for no spreading.
+        devices: devices to spread the members over; None for no spreading.
 
     Returns:
         The results with one leading axis, in the order of the members.

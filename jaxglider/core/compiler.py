@@ -71,9 +71,9 @@ def enable_fast_loops() -> bool:
     return True
 
 
-def _merged(given: str) -> str:
+def _merged(own_flags: str) -> str:
     """A user's flags with ours added; where both set one option, theirs is kept."""
-    flags = given.split()
+    flags = own_flags.split()
     names = [flag.split("=", 1)[0] for flag in flags]
     for flag in FAST_LOOP_FLAGS:
         name, values = flag.split("=", 1)
@@ -90,7 +90,7 @@ def _merged(given: str) -> str:
 
 
 def cache_folder() -> Path | None:
-    """Where compiled programs and probes are kept, for this user and processor.
+    """Folder of compiled programs and probes, for this user and processor.
 
     None for a user without a home folder, as in many containers.
     """

@@ -34,7 +34,7 @@ def as_float(value: Any) -> Any:
     default precision of JAX.
 
     Args:
-        value: a number, an array or tracer of numbers, or any other object.
+        value: number, array or tracer of numbers, or any other object.
 
     Returns:
         A strongly typed floating array, or `value` itself where it is no number.
@@ -53,7 +53,7 @@ def as_float(value: Any) -> Any:
 
 
 def concrete(value: Any) -> np.ndarray | None:
-    """The value as a NumPy array, or None where it is traced and cannot be seen."""
+    """The value as a NumPy array, or None where it is traced or no number."""
     if isinstance(value, jax.core.Tracer) or not eqx.is_array_like(value):
         return None
     array = np.asarray(value)
@@ -63,13 +63,18 @@ def concrete(value: Any) -> np.ndarray | None:
 def check_finite(owner: str, name: str, value: Any) -> None:
     """Refuse NaN and infinity.
 
+    Args:
+        owner: name of the class, for the message.
+        name: name of the field.
+        value: number or array; a traced one passes unchecked.
+
     Raises:
         ValueError: `value` is concrete and not finite.
     """
-    seen = concrete(value)
-    if seen is not None and not np.all(np.isfinite(seen)):
+    number = concrete(value)
+    if number is not None and not np.all(np.isfinite(number)):
         raise ValueError(
-            f"{owner}.{name} must be finite; received {seen}. "
+            f"{owner}.{name} must be finite; received {number}. "
             "Give a number in SI units."
         )
 
@@ -87,17 +92,27 @@ def check_interval(
 ) -> None:
     """Refuse a concrete value outside an interval (open at both ends by default).
 
+    Args:
+        owner: name of the class, for the message.
+        name: name of the field or argument.
+        value: number or array; a traced one passes unchecked.
+        low: lower end of the interval.
+        high: upper end of the interval.
+        closed_low: flag, the lower end belongs to the interval.
+        closed_high: flag, the upper end belongs to the interval.
+        remedy: advice added to the message.
+
     Raises:
         ValueError: `value` is concrete and outside.
     """
-    seen = concrete(value)
-    if seen is None:
+    number = concrete(value)
+    if number is None:
         return
     interval = Interval(low, high, closed_low, closed_high)
-    if not np.all(interval.holds(seen)):
+    if not np.all(interval.holds(number)):
         hint = f" {remedy}" if remedy else ""
         raise ValueError(
-            f"{owner}.{name} must be {interval.words()}; received {seen}.{hint}"
+            f"{owner}.{name} must be {interval.words()}; received {number}.{hint}"
         )
 
 
@@ -139,6 +154,11 @@ class Container(eqx.Module):
 
 def choose(argument: str, value: str, allowed: tuple[str, ...]) -> None:
     """Refuse a name that is not one of those allowed.
+
+    Args:
+        argument: name of the argument, for the message.
+        value: name that was given.
+        allowed: choices.
 
     Raises:
         ValueError: names the argument and the choices.

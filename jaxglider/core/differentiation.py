@@ -28,7 +28,7 @@ def value_and_gradient(
     Args:
         function: scalar, of a vector and further arguments; pure.
         mode: `reverse`, `forward`, or `auto` for the faster one.
-        members: how many of it will run side by side, as lanes of a `vmap`.
+        members: number of copies that run side by side, as lanes of a `vmap`.
 
     Returns:
         Takes the vector and the further arguments; gives the value and its derivative

@@ -99,7 +99,7 @@ def barrier(values: Tree) -> Tree:
     holds for tangents and cotangents on their way back.
 
     Args:
-        values: a number, or any pytree of them.
+        values: number, or any pytree of them.
     """
     return _handed_on(values)
 
@@ -187,7 +187,12 @@ def _exp2_jvp(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, 
 
 
 def horner(x: Scalar, coefficients: Sequence[float]) -> Scalar:
-    """The polynomial c₀ + c₁ x + c₂ x² + ... ."""
+    """The polynomial c₀ + c₁ x + c₂ x² + ... .
+
+    Args:
+        x: argument.
+        coefficients: c₀, c₁, c₂ and so on.
+    """
     value = jnp.full_like(x, coefficients[-1])
     for c in reversed(coefficients[:-1]):
         value = value * x + c

@@ -24,6 +24,10 @@ def scale_gradient(x: Scalar, share: Scalar) -> Scalar:
 
     Once a tick on what a closed loop remembers, it makes the gradient of a long run
     forget: see `rollout.evaluate`.
+
+    Args:
+        x: number.
+        share: share of the derivative that goes on, in [0, 1].
     """
     return x
 
@@ -90,13 +94,13 @@ def signed_powers(
     return tuple(x * power for power in powers)
 
 
-def signed_power(x: Scalar, exponent: Scalar, smoothing: Scalar) -> Scalar:
-    """Smoothed signed power of one exponent; see `signed_powers`."""
-    return signed_powers(x, (exponent,), smoothing)[0]
-
-
 def saturate(x: Scalar, limit: Scalar) -> Scalar:
-    """Clip to [−limit, limit]; the slope is one inside and zero outside."""
+    """Clip to [−limit, limit]; the slope is one inside and zero outside.
+
+    Args:
+        x: number.
+        limit: largest modulus.
+    """
     return jnp.clip(x, -limit, limit)
 
 
@@ -105,6 +109,10 @@ def select(index: Counter, values: Series) -> Scalar:
 
     One look-up whatever their number: a chain of selections as long as the list took
     half a second to compile for each entry, and is no faster for five.
+
+    Args:
+        index: number of the value wanted.
+        values: values to choose from.
     """
     return values.at[index].get(mode="clip")
 
@@ -122,7 +130,8 @@ def implicit_root(
     the implicit function theorem, however it was found.
 
     Args:
-        function: gives its value and its slope in y; the slope is not zero.
+        function: function that gives its value and its slope in y; the slope is not
+            zero.
         root: y; not differentiated.
         target: right-hand side.
         parameters: pytree of the function's other arguments.

@@ -9,7 +9,6 @@ import math
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from jaxglider.core.containers import Scalar
 from jaxglider.core.numerics import arctan, sincos
@@ -27,7 +26,13 @@ class Attitude(eqx.Module):
 
 
 def attitude(roll: Scalar, pitch: Scalar, heading: Scalar) -> Attitude:
-    """Sines and cosines of roll, pitch and heading [rad]."""
+    """Sines and cosines of roll, pitch and heading [rad].
+
+    Args:
+        roll: φ [rad].
+        pitch: θ [rad].
+        heading: ψ [rad].
+    """
     return Attitude(*sincos(roll), *sincos(pitch), *sincos(heading))
 
 
@@ -38,6 +43,15 @@ def body_to_ned(
 
     R(φ,θ,ψ) (x, y, z); its third row is the T of the paper's kinematics, and turns body
     velocity into the rate of depth.
+
+    Args:
+        a: attitude of the body.
+        x: component along the body's forward axis, in any unit.
+        y: component to starboard.
+        z: component downward.
+
+    Returns:
+        Components north, east and down, in the same unit.
     """
     across = a.cos_roll * y - a.sin_roll * z
     down = a.sin_roll * y + a.cos_roll * z
@@ -52,7 +66,17 @@ def body_to_ned(
 def ned_to_body(
     a: Attitude, north: Scalar, east: Scalar, down: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Rotate a vector of the north-east-down frame into the body frame, R(φ,θ,ψ)ᵀ."""
+    """Rotate a vector of the north-east-down frame into the body frame, R(φ,θ,ψ)ᵀ.
+
+    Args:
+        a: attitude of the body.
+        north: component to the north, in any unit.
+        east: component to the east.
+        down: component downward.
+
+    Returns:
+        Components forward, to starboard and downward in the body, in the same unit.
+    """
     ahead = a.cos_heading * north + a.sin_heading * east
     across = a.cos_heading * east - a.sin_heading * north
     below = a.sin_pitch * ahead + a.cos_pitch * down
@@ -70,19 +94,16 @@ def euler_rates(
 
     φ' = p + tanθ (sinφ q + cosφ r), θ' = cosφ q − sinφ r, ψ' = (sinφ q + cosφ r)/cosθ.
     The last two are the R of the paper's kinematics. Singular at θ = ±π/2.
+
+    Args:
+        a: attitude of the body.
+        roll_rate: p [rad/s], body frame.
+        pitch_rate: q [rad/s].
+        yaw_rate: r [rad/s].
     """
     heading_dot = (a.sin_roll * pitch_rate + a.cos_roll * yaw_rate) / a.cos_pitch
     pitch_dot = a.cos_roll * pitch_rate - a.sin_roll * yaw_rate
     return roll_rate + a.sin_pitch * heading_dot, pitch_dot, heading_dot
-
-
-def rotation_matrix(
-    roll: Scalar, pitch: Scalar, heading: Scalar
-) -> Float[Array, "3 3"]:
-    """The matrix R(φ,θ,ψ) of `body_to_ned`, for drawing and checking."""
-    a = attitude(roll, pitch, heading)
-    columns = [body_to_ned(a, *axis) for axis in jnp.eye(3, dtype=a.sin_roll.dtype)]
-    return jnp.array(columns).T
 
 
 def wrap(angle: Scalar) -> Scalar:
@@ -97,6 +118,10 @@ def direction(x: Scalar, y: Scalar) -> Scalar:
 
     Its derivative there, which does not exist, is zero too. The native one is called
     once per lane on a CPU; this vectorises.
+
+    Args:
+        x: component along the x axis.
+        y: component along the y axis, in the same unit.
     """
     steep = jnp.abs(y) > jnp.abs(x)
     over, under = jnp.where(steep, x, y), jnp.where(steep, y, x)

@@ -23,9 +23,9 @@ class Tableau(eqx.Module):
     """An explicit Runge-Kutta method whose stages each build on the one before only.
 
     Attributes:
-        nodes: where in the step each stage is evaluated, cᵢ in [0, 1].
-        links: how far the next stage steps along this slope, aᵢ₊₁,ᵢ; zero for the last.
-        weights: how much each slope counts in the result, bᵢ.
+        nodes: fractions of the step at which the stages are evaluated, cᵢ in [0, 1].
+        links: step of the next stage along this slope, aᵢ₊₁,ᵢ; zero for the last.
+        weights: weights of the slopes in the result, bᵢ.
         order: order of convergence.
     """
 
@@ -35,11 +35,13 @@ class Tableau(eqx.Module):
     order: int = eqx.field(static=True)
 
 
-EULER = Tableau((0.0,), (0.0,), (1.0,), 1)
-MIDPOINT = Tableau((0.0, 0.5), (0.5, 0.0), (0.0, 1.0), 2)
 RK4 = Tableau(
-    (0.0, 0.5, 0.5, 1.0), (0.5, 0.5, 1.0, 0.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6), 4
+    nodes=(0.0, 0.5, 0.5, 1.0),
+    links=(0.5, 0.5, 1.0, 0.0),
+    weights=(1 / 6, 1 / 3, 1 / 3, 1 / 6),
+    order=4,
 )
+"""The classical method of fourth order."""
 
 
 def runge_kutta_step(

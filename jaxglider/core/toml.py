@@ -16,49 +16,67 @@ class ConfigError(ValueError):
     """A file says something that cannot be used; the message names the key."""
 
 
-def number(given: Any, where: str) -> float:
+def number(value: Any, where: str) -> float:
     """A TOML number as a float.
+
+    Args:
+        value: value from the file.
+        where: path of its key, for the message.
 
     Raises:
         ConfigError: it is no number, or not finite.
     """
-    if isinstance(given, bool) or not isinstance(given, int | float):
-        raise ConfigError(f"{where} must be a number; received {given!r}.")
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ConfigError(f"{where} must be a number; received {value!r}.")
     try:
-        value = float(given)
+        result = float(value)
     except OverflowError:
-        value = math.inf
-    if not math.isfinite(value):
-        raise ConfigError(f"{where} must be finite; received {given!r}.")
-    return value
+        result = math.inf
+    if not math.isfinite(result):
+        raise ConfigError(f"{where} must be finite; received {value!r}.")
+    return result
 
 
-def whole_number(given: Any, where: str) -> int:
+def whole_number(value: Any, where: str) -> int:
     """A TOML integer.
+
+    Args:
+        value: value from the file.
+        where: path of its key, for the message.
 
     Raises:
         ConfigError: it is none.
     """
-    if isinstance(given, bool) or not isinstance(given, int):
-        raise ConfigError(f"{where} must be a whole number; received {given!r}.")
-    return given
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ConfigError(f"{where} must be a whole number; received {value!r}.")
+    return value
 
 
-def choice(given: Any, allowed: dict[str, Any], where: str) -> Any:
-    """What a name stands for.
+def choice(name: Any, allowed: dict[str, Any], where: str) -> Any:
+    """The value that a name stands for.
+
+    Args:
+        name: name from the file.
+        allowed: values by their names.
+        where: path of its key, for the message.
 
     Raises:
         ConfigError: the name is not among those allowed.
     """
-    if not isinstance(given, str) or given not in allowed:
+    if not isinstance(name, str) or name not in allowed:
         raise ConfigError(
-            f"{where} must be one of {', '.join(allowed)}; received {given!r}."
+            f"{where} must be one of {', '.join(allowed)}; received {name!r}."
         )
-    return allowed[given]
+    return allowed[name]
 
 
 def refuse_unknown(rest: Any, allowed: list[str], path: str) -> None:
     """Refuse keys that nobody has read.
+
+    Args:
+        rest: keys left over.
+        allowed: keys there are.
+        path: path of their table, for the message.
 
     Raises:
         ConfigError: names the first such key, and the nearest one allowed.
@@ -134,7 +152,7 @@ class TomlTable:
         return [TomlTable(v, f"{self.where(key)}[{i}]") for i, v in enumerate(value)]
 
     def rest(self) -> dict[str, Any]:
-        """What has not been read yet, now taken as read."""
+        """Keys and values that have not been read yet, from now on counted as read."""
         left = {k: v for k, v in self._data.items() if k not in self._read}
         self._read.update(left)
         return left

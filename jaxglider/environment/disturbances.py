@@ -29,14 +29,14 @@ FEW = 3
 
 
 class AbstractDisturbance(Container):
-    """A law for τ_d(t): external force [N] and moment [N m], body frame."""
+    """A model of τ_d(t): external force [N] and moment [N m], body frame."""
 
     @abstractmethod
     def realise(self, key: jax.Array, times: Series) -> BodyAxes[Series]:
         """One realisation.
 
         Args:
-            key: random key; laws without chance ignore it.
+            key: random key; models without chance ignore it.
             times: the evenly spaced tick times [s], end of the last tick included.
 
         Returns:
@@ -56,7 +56,7 @@ class Constant(AbstractDisturbance):
     """The same force for ever.
 
     Attributes:
-        force: [N] and [N m], body frame.
+        force: force [N] and moment [N m], body frame.
     """
 
     force: BodyAxes[Scalar]
@@ -220,10 +220,14 @@ def axes(
     pitch: float = 0.0,
     yaw: float = 0.0,
 ) -> BodyAxes[Scalar]:
-    """Six numbers by name, zero where not given: [N] and [N m], or as the use says."""
+    """Six numbers by name, zero where not given.
+
+    Args:
+        surge: number of the forward axis, a force [N] unless the use says otherwise.
+        sway: number of the starboard axis [N].
+        heave: number of the downward axis [N].
+        roll: number about the forward axis, a moment [N m].
+        pitch: number about the starboard axis [N m].
+        yaw: number about the downward axis [N m].
+    """
     return BodyAxes(surge, sway, heave, roll, pitch, yaw)
-
-
-def same_on_all_axes(value: float) -> BodyAxes[Scalar]:
-    """One number for all six axes."""
-    return BodyAxes(*(value,) * 6)

@@ -36,14 +36,14 @@ class Current(Container):
     """Horizontal velocity of the water: v₀ + s Z + a sin(2π t/T + φ₀), north and east.
 
     Attributes:
-        north: at the surface [m/s].
-        east: likewise.
-        shear_north: its change with depth [1/s].
-        shear_east: likewise.
-        tide_north: amplitude of the part that comes and goes [m/s].
-        tide_east: likewise.
-        tide_period: T [s].
-        tide_phase: φ₀ [rad].
+        north: velocity to the north at the surface [m/s].
+        east: velocity to the east at the surface [m/s].
+        shear_north: change of the northward velocity with depth [1/s].
+        shear_east: change of the eastward velocity with depth [1/s].
+        tide_north: amplitude of the northward tide [m/s].
+        tide_east: amplitude of the eastward tide [m/s].
+        tide_period: T, period of the tide [s].
+        tide_phase: φ₀, phase of the tide at time zero [rad].
 
     Raises:
         ValueError: the period is not positive.
@@ -62,7 +62,12 @@ class Current(Container):
         check_interval("Current", "tide_period", self.tide_period, 0.0)
 
     def velocity(self, depth: Scalar, time: Scalar) -> tuple[Scalar, Scalar]:
-        """North and east [m/s] at a depth [m] and a time [s]."""
+        """North and east [m/s] at a depth [m] and a time [s].
+
+        Args:
+            depth: Z [m], positive down.
+            time: present time [s].
+        """
         wave, _ = sincos(2.0 * math.pi * time / self.tide_period + self.tide_phase)
         return (
             self.north + self.shear_north * depth + self.tide_north * wave,
@@ -71,13 +76,13 @@ class Current(Container):
 
 
 class Stratification(Container):
-    """What depth does to buoyancy.
+    """Effect of depth on buoyancy.
 
     Attributes:
-        displaced_mass: m [kg], of the water that the glider displaces.
+        displaced_mass: m, mass of the water that the glider displaces [kg].
         density_gradient: ε [1/m], relative growth of the density with depth.
         hull_compressibility: κ [1/m], relative loss of volume with depth.
-        neutral_depth: at which m_b = 0 is neutral [m].
+        neutral_depth: depth at which m_b = 0 is neutral [m].
 
     Raises:
         ValueError: the displaced mass is not positive.
@@ -102,8 +107,8 @@ class Water(Container):
     """The water around a glider.
 
     Attributes:
-        current: how it moves, or None if it rests.
-        stratification: what depth does to buoyancy, or None for nothing.
+        current: current, or None for water at rest.
+        stratification: effect of depth on buoyancy, or None for none.
     """
 
     current: Current | None = None
@@ -122,25 +127,27 @@ def derivative_in_water(
 
     Args:
         plant: the glider.
-        water: around it.
-        state: over ground.
-        command: what the actuators hold.
+        water: water around it.
+        state: state over ground.
+        command: command held by the actuators [kg, m, rad].
         disturbance: τ_d, force [N] and moment [N m], body frame.
-        time: now [s].
+        time: present time [s].
     """
     a = state.attitude()
     if water.stratification is not None:
-        excess = water.stratification.excess_mass(state.depth)
-        pull = plant.parameters.gravity * excess
-        zero = jnp.zeros_like(pull)
-        disturbance = disturbance + BodyAxes(
-            *frames.ned_to_body(a, zero, zero, pull), zero, zero, zero
-        )
+        with jax.named_scope("stratification"):
+            excess = water.stratification.excess_mass(state.depth)
+            pull = plant.parameters.gravity * excess
+            zero = jnp.zeros_like(pull)
+            disturbance = disturbance + BodyAxes(
+                *frames.ned_to_body(a, zero, zero, pull), zero, zero, zero
+            )
     if water.current is None:
         return plant.derivative(state, command, disturbance)
     return _drifting(plant, water.current, state, a, command, disturbance, time)
 
 
+@jax.named_scope("current")
 def _drifting(
     plant: AbstractPlant,
     current: Current,

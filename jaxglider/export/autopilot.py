@@ -59,9 +59,9 @@ class Source:
     Attributes:
         header: text of the header.
         source: text of the source.
-        functions: by name.
+        functions: C functions by name.
         shared: functions that these call.
-        structures: by name.
+        structures: C structures by name.
     """
 
     header: str
@@ -75,7 +75,7 @@ def autopilot_source(pilot: Autopilot, about: str) -> Source:
     """The autopilot as glider.h and glider.c.
 
     Args:
-        pilot: what runs on board, in double precision.
+        pilot: autopilot that runs on board, in double precision.
         about: a line for the head of the files.
 
     Raises:
@@ -86,7 +86,7 @@ def autopilot_source(pilot: Autopilot, about: str) -> Source:
     state = jax.eval_shape(pilot.init)
     measured = MeasurementInput(pilot.dt, zeros(GliderState, pilot.dt))
     plan = jax.eval_shape(pilot.plan, state, pilot.dt)
-    made = {
+    structures = {
         "parameters": Structure(
             "glider_parameters", "Gains, design model, task and limits.", pilot
         ),
@@ -114,18 +114,18 @@ def autopilot_source(pilot: Autopilot, about: str) -> Source:
         ),
     }
     shared = Functions()
-    functions = _autopilot_functions(pilot, made, shared)
+    functions = _autopilot_functions(pilot, structures, shared)
     return Source(
-        header_text("glider", about, made, functions, _status_text(pilot)),
-        source_text("glider", about, pilot, functions, shared),
-        functions,
-        shared,
-        made,
+        header=header_text("glider", about, structures, functions, _status_text(pilot)),
+        source=source_text("glider", about, pilot, functions, shared),
+        functions=functions,
+        shared=shared,
+        structures=structures,
     )
 
 
 def _autopilot_functions(
-    pilot: Autopilot, made: dict[str, Structure], shared: Functions
+    pilot: Autopilot, structures: dict[str, Structure], shared: Functions
 ) -> dict[str, Written]:
     def init(p: Autopilot) -> AutopilotState:
         return p.init()
@@ -139,7 +139,7 @@ def _autopilot_functions(
         after, command, status = p.step(state, m.time, m.state, planned)
         return after, CommandOutput(command, status)
 
-    state, measurement = made["state"], made["measurement"]
+    state, measurement = structures["state"], structures["measurement"]
     parameters = (CONSTANTS["glider"], pilot)
     return {
         "glider_init": write_function(
@@ -158,7 +158,9 @@ def _autopilot_functions(
             [
                 Argument("state", state),
                 Argument("measurement", measurement),
-                Argument("reference", made["reference"], reads=False, writes=True),
+                Argument(
+                    "reference", structures["reference"], reads=False, writes=True
+                ),
             ],
             shared,
         ),
@@ -170,8 +172,8 @@ def _autopilot_functions(
             [
                 Argument("state", state, writes=True),
                 Argument("measurement", measurement),
-                Argument("reference", made["reference"]),
-                Argument("command", made["command"], reads=False, writes=True),
+                Argument("reference", structures["reference"]),
+                Argument("command", structures["command"], reads=False, writes=True),
             ],
             shared,
         ),
@@ -207,21 +209,21 @@ def _status_text(pilot: Autopilot) -> str:
 def header_text(
     stem: str,
     about: str,
-    made: dict[str, Structure],
+    structures: dict[str, Structure],
     functions: dict[str, Written],
     middle: str = "",
 ) -> str:
     """The text of a header.
 
     Args:
-        stem: of the file's name.
+        stem: stem of the file's name.
         about: a line for its head.
-        made: structures, the one of the parameters among them.
-        functions: by name.
-        middle: what comes before the structures.
+        structures: structures, the one of the parameters among them.
+        functions: C functions by name.
+        middle: text that comes before the structures.
     """
     guard = f"{stem.upper()}_H"
-    structures = "\n".join(s.declaration() for s in made.values())
+    declarations = "\n".join(s.declaration() for s in structures.values())
     prototypes = "\n".join(
         f"/* {f.summary} */\n{f.prototype};\n" for f in functions.values()
     )
@@ -229,7 +231,7 @@ def header_text(
     closing = "#ifdef __cplusplus\n}\n#endif\n"
     return (
         f"/* {about} */\n#ifndef {guard}\n#define {guard}\n\n"
-        f'#include "glider_real.h"\n\n{opening}\n{middle}\n{structures}\n'
+        f'#include "glider_real.h"\n\n{opening}\n{middle}\n{declarations}\n'
         f"extern const {stem}_parameters {CONSTANTS[stem]};\n\n{prototypes}\n"
         f"{closing}\n#endif\n"
     )
@@ -245,10 +247,10 @@ def source_text(
     """The text of a source file; arguments as for `header_text`.
 
     Args:
-        stem: of the file's name.
+        stem: stem of the file's name.
         about: a line for its head.
         parameters: pytree of the constants.
-        functions: by name.
+        functions: C functions by name.
         shared: functions that these call.
     """
     constants = constants_text(f"{stem}_parameters", CONSTANTS[stem], parameters)

@@ -36,7 +36,7 @@ class Bundle:
 
     Attributes:
         files: texts by name, relative to the folder.
-        cost: what a tick takes.
+        cost: operations and bytes of a tick.
     """
 
     files: dict[str, str]
@@ -57,8 +57,8 @@ def export_c(loop: ClosedLoop, title: str, guard: Guard | None = None) -> Bundle
 
     Args:
         loop: the closed loop, in double precision.
-        title: what it is, for the head of the files.
-        guard: what is believed of the inputs; the default one if None.
+        title: name of the controller, for the head of the files.
+        guard: limits of believable inputs; the default ones if None.
 
     Raises:
         ExportError: the controller, observer or reference uses a primitive that has no
@@ -94,8 +94,8 @@ def vector_files(
 
     Args:
         loop: the closed loop.
-        source: its autopilot in C.
-        guard: of the autopilot.
+        source: autopilot in C.
+        guard: limits of the autopilot's believable inputs.
 
     Returns:
         Texts by name, and how many rows of each can be compared in either precision.
@@ -103,11 +103,11 @@ def vector_files(
     pilot, dt = autopilot(loop, guard), float(loop.scenario.clock.dt)
     ticks = -(-round(CLOSED_LOOP / dt) // HOLD) * HOLD
     forces = sea(loop, ticks, HOLD)
-    seen, after = fly(pilot, loop, forces)
-    part = window(seen, VECTOR_TICKS)
-    times, measured = jax.tree.map(lambda x: x[part], (seen.time, seen.measured))
+    log, after = fly(pilot, loop, forces)
+    part = window(log, VECTOR_TICKS)
+    times, measured = jax.tree.map(lambda x: x[part], (log.time, log.measured))
     limits = [0.1 * float(a.limit) for a in vars(pilot.actuators).values()]
-    given = {
+    sources = {
         "vectors": (times, measured),
         "faults": _as_arrays(broken(np.asarray(times), measured, seed=1)),
     }
@@ -118,16 +118,16 @@ def vector_files(
     ]
     texts: dict[str, str] = {}
     rows: dict[str, int] = {}
-    for name, inputs in given.items():
+    for name, inputs in sources.items():
         own, double, single = _alike(pilot)
         runs = [replay(own, *inputs), replay(double, *inputs)]
         runs.append(replay(single, inputs[0], _rounded(inputs[1])))
         texts[f"test/{name}.csv"] = _csv(header, _columns(_inputs_first(runs[0])))
         rows |= _comparable(name, [_columns(r.command) for r in runs], limits)
-    taken = slice(HOLD - 1, None, HOLD)
+    last_of_each = slice(HOLD - 1, None, HOLD)
     runs = [fly(p, loop, forces)[1] for p in _alike(pilot)]
-    states = [_columns(jax.tree.map(lambda x: x[taken], r)) for r in runs]
-    closed = np.concatenate([_columns(forces)[taken], states[0]], axis=1)
+    states = [_columns(jax.tree.map(lambda x: x[last_of_each], r)) for r in runs]
+    closed = np.concatenate([_columns(forces)[last_of_each], states[0]], axis=1)
     names = [f"force_{n}" for n in vars(forces)] + list(vars(after))
     texts["test/closed_loop.csv"] = _csv(names, closed)
     rows |= _comparable("closed_loop", states, [1.0] * 12)
@@ -154,9 +154,9 @@ def _comparable(
     Some loops are chaotic, and no code but the very same reproduces them for long.
 
     Args:
-        name: of the file.
+        name: name of the file.
         runs: the run, and those of `_alike`.
-        least: what a difference is relative to where the number itself is small.
+        least: scale of a difference where the number itself is smaller.
     """
     counts = {}
     for precision, run, allowed in zip(
@@ -170,7 +170,7 @@ def _comparable(
 
 
 def _rounded(tree: Any) -> Any:
-    """What single precision makes of measurements."""
+    """Measurements rounded to single precision."""
     return jax.tree.map(lambda x: x.astype(jnp.float32).astype(x.dtype), tree)
 
 
@@ -178,8 +178,8 @@ def _as_arrays(tree: Any) -> Any:
     return jax.tree.map(jnp.asarray, tree)
 
 
-def _inputs_first(seen: TickLog) -> Any:
-    return seen.time, seen.measured, seen.planned, seen.command, seen.status
+def _inputs_first(log: TickLog) -> Any:
+    return log.time, log.measured, log.planned, log.command, log.status
 
 
 def _columns(tree: Any) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What test programs need to know of an export: the columns of their files."""
+"""Facts about an export that test programs need: the columns of their files."""
 
 from collections.abc import Mapping, Sequence
 
@@ -7,7 +7,7 @@ from jaxglider.export.c.fields import Field
 from jaxglider.export.c.source import Structure
 
 FLOAT_ALLOWANCES = {"COMMAND_FLOAT": 5e-2, "STATE_FLOAT": 2e-2}
-"""What single precision may differ by; see the text of `parity.c`."""
+"""Largest relative difference in single precision; see the text of `parity.c`."""
 
 
 def columns_text(
@@ -19,11 +19,11 @@ def columns_text(
         source: the autopilot.
         plant: the simulated glider.
         about: a line for the head of the file.
-        rows: how many rows of each file can be compared, by name.
+        rows: number of comparable rows of each file, by name.
     """
-    made = source.structures
+    structures = source.structures
     counts = {
-        name.upper(): _count(made[name])
+        name.upper(): _count(structures[name])
         for name in ("measurement", "reference", "command")
     }
     counts["ROW"] = sum(counts.values())
@@ -42,11 +42,11 @@ def columns_text(
 
 {defines}
 
-{_reader("read_measurement", made["measurement"], "glider_measurement")}
-{_writer("write_reference", made["reference"], "glider_reference")}
-{_writer("write_command", made["command"], "glider_command")}
-{_limits(made["parameters"].fields())}
-{_spoiler(made["reference"])}
+{_reader("read_measurement", structures["measurement"], "glider_measurement")}
+{_writer("write_reference", structures["reference"], "glider_reference")}
+{_writer("write_command", structures["command"], "glider_command")}
+{_limits(structures["parameters"].fields())}
+{_spoiler(structures["reference"])}
 #ifdef PLANT_H
 {_reader("read_force", plant.structures["force"], "plant_force")}
 {_plant(plant.structures["state"].fields())}
@@ -55,8 +55,8 @@ def columns_text(
 """
 
 
-def _count(made: Structure) -> int:
-    return sum(f.size for f in made.fields())
+def _count(structure: Structure) -> int:
+    return sum(f.size for f in structure.fields())
 
 
 def _body(signature: str, lines: Sequence[str]) -> str:
@@ -64,18 +64,18 @@ def _body(signature: str, lines: Sequence[str]) -> str:
     return f"static inline void {signature}\n{{\n{inside}\n}}\n"
 
 
-def _reader(name: str, made: Structure, kind: str) -> str:
+def _reader(name: str, structure: Structure, kind: str) -> str:
     casts = {"real": "(glider_real)", "int32": "(int32_t)", "bool": "0.0 != "}
     lines, at = [], 0
-    for field in made.fields():
+    for field in structure.fields():
         for place in field.places("to->"):
             lines.append(f"{place} = {casts[field.kind]}row[{at}];")
             at += 1
     return _body(f"{name}(const double *row, {kind} *to)", lines)
 
 
-def _writer(name: str, made: Structure, kind: str) -> str:
-    places = [p for field in made.fields() for p in field.places("from->")]
+def _writer(name: str, structure: Structure, kind: str) -> str:
+    places = [p for field in structure.fields() for p in field.places("from->")]
     lines = [f"row[{n}] = (double){place};" for n, place in enumerate(places)]
     lines = lines or ["(void)from;", "(void)row;"]
     return _body(f"{name}(const {kind} *from, double *row)", lines)
@@ -93,8 +93,8 @@ def _limits(parameters: Sequence[Field]) -> str:
     return _body("write_limits(double *row)", [*lines, "row[3] = 1.0;"])
 
 
-def _spoiler(made: Structure) -> str:
-    reals = [f for f in made.fields() if f.kind == "real" and not f.shape]
+def _spoiler(structure: Structure) -> str:
+    reals = [f for f in structure.fields() if f.kind == "real" and not f.shape]
     lines = [f"to->{reals[-1].name} = value;"] if reals else ["(void)to; (void)value;"]
     return _body(
         "spoil_reference(glider_reference *to, const glider_real value)", lines

@@ -1,4 +1,4 @@
-"""What a tick of the exported code costs: operations, bytes, and an estimate of time.
+"""Cost of a tick of the exported code: operations, bytes, and an estimate of time.
 
 Operations are counted in the statements that depend on state or inputs; what depends on
 gains alone is folded by the compiler. Times on a microcontroller are not measured: they
@@ -52,13 +52,15 @@ MEGAHERTZ = 100.0
 
 @dataclasses.dataclass(frozen=True)
 class Cost:
-    """What one tick costs, plan and step together.
+    """Cost of one tick, plan and step together.
 
     Attributes:
-        operations: how many of each kind.
-        state_bytes: of the state in single and double precision.
-        constant_bytes: of gains and other constants, likewise.
-        microseconds: estimated at 100 MHz, likewise; see the module's text.
+        operations: number of operations of each kind.
+        state_bytes: bytes of the state in single and double precision.
+        constant_bytes: bytes of gains and other constants in single and double
+            precision.
+        microseconds: time estimated at 100 MHz in single and double precision; see the
+            module's text.
     """
 
     operations: dict[str, int]
@@ -83,16 +85,16 @@ def cost_of(source: Source) -> Cost:
         sum(n * (_CYCLES[kind][at] + _MEMORY[at]) for kind, n in counts.items())
         for at in (0, 1)
     ]
-    made = source.structures
+    structures = source.structures
 
     def size(name: str) -> tuple[int, int]:
-        return made[name].size(4), made[name].size(8)
+        return structures[name].size(4), structures[name].size(8)
 
     return Cost(
-        {kind: counts[kind] for kind in _CYCLES},
-        size("state"),
-        size("parameters"),
-        (cycles[0] / MEGAHERTZ, cycles[1] / MEGAHERTZ),
+        operations={kind: counts[kind] for kind in _CYCLES},
+        state_bytes=size("state"),
+        constant_bytes=size("parameters"),
+        microseconds=(cycles[0] / MEGAHERTZ, cycles[1] / MEGAHERTZ),
     )
 
 

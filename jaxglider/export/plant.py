@@ -18,14 +18,15 @@ from jaxglider.export.autopilot import (
 from jaxglider.export.c.outlined import Functions
 from jaxglider.export.c.source import Argument, Structure, write_function
 from jaxglider.signals import BodyAxes, Command, GliderState, zeros
-from jaxglider.simulation.closed_loop import ClosedLoop, integrate
-from jaxglider.simulation.tick import TickPlan, with_start
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.motion import integrate
+from jaxglider.simulation.tick import TickInput, TickPlan
 from jaxglider.vehicle.actuators import Actuator, follow_all
 from jaxglider.vehicle.plant import AbstractPlant
 
 
 class ExportedPlant(eqx.Module):
-    """What a glider really is, and the water that it is in.
+    """The true glider, and the water that it is in.
 
     Attributes:
         dt: control tick [s].
@@ -41,8 +42,8 @@ class PlantState(eqx.Module):
     """The simulated glider between two ticks.
 
     Attributes:
-        held: where the actuators are [kg, m, rad].
-        time: since the start [s].
+        held: positions of the actuators [kg, m, rad].
+        time: time since the start [s].
     """
 
     state: GliderState
@@ -65,7 +66,7 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
         jnp.zeros_like(scenario.clock.dt),
     )
     force = zeros(BodyAxes, scenario.clock.dt)
-    made = {
+    structures = {
         "parameters": Structure(
             "plant_parameters",
             "The true glider.",
@@ -89,8 +90,8 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
         return drift(loop, p, now, wanted, f)
 
     shared = Functions()
-    parameters = (CONSTANTS["plant"], made["parameters"].example)
-    state = made["state"]
+    parameters = (CONSTANTS["plant"], structures["parameters"].example)
+    state = structures["state"]
     functions = {
         "plant_init": write_function(
             "plant_init",
@@ -107,26 +108,31 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
             parameters,
             [
                 Argument("state", state, writes=True),
-                Argument("command", made["command"]),
-                Argument("force", made["force"]),
+                Argument("command", structures["command"]),
+                Argument("force", structures["force"]),
             ],
             shared,
         ),
     }
     return Source(
-        header_text("plant", about, made, functions),
-        source_text("plant", about, made["parameters"].example, functions, shared),
-        functions,
-        shared,
-        made,
+        header=header_text("plant", about, structures, functions),
+        source=source_text(
+            "plant", about, structures["parameters"].example, functions, shared
+        ),
+        functions=functions,
+        shared=shared,
+        structures=structures,
     )
 
 
 def truth_of(loop: ClosedLoop) -> ExportedPlant:
-    """What the glider of a closed loop really is."""
+    """The true glider of a closed loop."""
     scenario = loop.scenario
     return ExportedPlant(
-        scenario.plant, scenario.actuators, scenario.clock.dt, scenario.water
+        plant=scenario.plant,
+        actuators=scenario.actuators,
+        dt=scenario.clock.dt,
+        water=scenario.water,
     )
 
 
@@ -140,19 +146,26 @@ def drift(
     """The glider one tick later, under a constant force.
 
     Args:
-        loop: which glider.
-        truth: its numbers, from `truth_of`.
-        now: where it is.
+        loop: closed loop with the glider.
+        truth: numbers of the glider, from `truth_of`.
+        now: state of the glider and of its actuators.
         wanted: command given to the actuators.
-        force: on it [N, N m].
+        force: constant force on it [N, N m], body frame.
     """
     clock = dataclasses.replace(loop.scenario.clock, dt=truth.dt)
     scenario = dataclasses.replace(
         loop.scenario, plant=truth.plant, clock=clock, water=truth.water
     )
     applied = follow_all(truth.actuators, now.held, wanted, truth.dt, now.time)
-    plan = TickPlan(now.time, force, None, None, None, None)
-    given = with_start(plan, force, None)
+    plan = TickPlan(
+        time=now.time,
+        force_end=force,
+        planned=None,
+        bounds=None,
+        judging=None,
+        noise_end=None,
+    )
+    inputs = TickInput(plan, force_start=force, noise_start=None)
     return PlantState(
-        integrate(scenario, now.state, applied, given), applied, now.time + truth.dt
+        integrate(scenario, now.state, applied, inputs), applied, now.time + truth.dt
     )

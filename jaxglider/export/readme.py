@@ -12,11 +12,11 @@ def readme_text(
     """The text.
 
     Args:
-        title: what was exported.
-        about: by what and when.
+        title: name of the exported controller.
+        about: sentence about program and date.
         dt: control tick [s].
-        cost: of a tick.
-        rows: of each file of vectors that are compared, by name.
+        cost: cost of a tick.
+        rows: number of compared rows of each file of vectors, by name.
         hold: ticks of a row of the closed loop.
     """
     bits = [

@@ -37,8 +37,8 @@ def stablehlo(pilot: Autopilot) -> dict[str, str]:
         ),
     }
     texts, about = {}, {}
-    for name, (function, given, results) in functions.items():
-        leaves, form = jax.tree.flatten(tuple(given.values()))
+    for name, (function, inputs, results) in functions.items():
+        leaves, form = jax.tree.flatten(tuple(inputs.values()))
 
         def flat(*x: Any, function: Any = function, form: Any = form) -> list[Any]:
             return jax.tree.leaves(function(*jax.tree.unflatten(form, x)))
@@ -46,13 +46,13 @@ def stablehlo(pilot: Autopilot) -> dict[str, str]:
         shapes = [jax.ShapeDtypeStruct(x.shape, x.dtype) for x in leaves]
         exported = export.export(jax.jit(flat, keep_unused=True))(*shapes)
         texts[f"glider_{name}.mlir"] = exported.mlir_module()
-        made = jax.eval_shape(function, *given.values())
-        made = made if len(results) > 1 else (made,)
+        outputs = jax.eval_shape(function, *inputs.values())
+        outputs = outputs if len(results) > 1 else (outputs,)
         about[name] = {
-            "arguments": [n for k, tree in given.items() for n in _named(k, tree)],
+            "arguments": [n for k, tree in inputs.items() for n in _named(k, tree)],
             "results": [
                 n
-                for k, tree in zip(results, made, strict=True)
+                for k, tree in zip(results, outputs, strict=True)
                 for n in _named(k, tree)
             ],
         }

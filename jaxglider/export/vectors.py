@@ -27,9 +27,9 @@ class TickLog(eqx.Module):
     Attributes:
         time: reading of the clock [s].
         measured: measurement.
-        planned: what the task asks for.
-        command: what the autopilot commands.
-        status: its status word.
+        planned: plan of the reference.
+        command: command of the autopilot [kg, m, rad].
+        status: status word of the autopilot.
         segment: sum of the numbers of segment and waypoint: it changes where a funnel
             restarts.
     """
@@ -53,12 +53,19 @@ def _tick(
         if jnp.issubdtype(x.dtype, jnp.integer)
     ]
     segment = jnp.asarray(sum(whole, 0), jnp.int32)
-    return after, TickLog(time, measured, planned, command, status, segment)
+    return after, TickLog(
+        time=time,
+        measured=measured,
+        planned=planned,
+        command=command,
+        status=status,
+        segment=segment,
+    )
 
 
 @jax.jit
 def replay(pilot: Autopilot, times: Series, measured: GliderState) -> TickLog:
-    """What an autopilot makes of measurements that are given.
+    """Ticks of an autopilot under recorded measurements.
 
     Args:
         pilot: the autopilot, from its initial state on.
@@ -66,8 +73,8 @@ def replay(pilot: Autopilot, times: Series, measured: GliderState) -> TickLog:
         measured: measurement at each of them.
     """
 
-    def tick(state: AutopilotState, given: Any) -> tuple[AutopilotState, TickLog]:
-        return _tick(pilot, state, *given)
+    def tick(state: AutopilotState, inputs: Any) -> tuple[AutopilotState, TickLog]:
+        return _tick(pilot, state, *inputs)
 
     return lax.scan(tick, pilot.init(), (times, measured))[1]
 
@@ -80,7 +87,7 @@ def fly(
 
     Args:
         pilot: the autopilot.
-        loop: gives the glider.
+        loop: closed loop with the glider.
         forces: external force of each tick, constant within it [N, N m].
 
     Returns:
@@ -94,11 +101,11 @@ def fly(
     )
     times = jnp.arange(forces.surge.shape[0], dtype=clock.dtype) * clock
 
-    def tick(carry: Any, given: Any) -> tuple[Any, Any]:
-        (state, afloat), (time, force) = carry, given
-        after, seen = _tick(pilot, state, time, afloat.state)
-        following = drift(loop, truth, afloat, seen.command, force)
-        return (after, following), (seen, following.state)
+    def tick(carry: Any, inputs: Any) -> tuple[Any, Any]:
+        (state, afloat), (time, force) = carry, inputs
+        after, log = _tick(pilot, state, time, afloat.state)
+        following = drift(loop, truth, afloat, log.command, force)
+        return (after, following), (log, following.state)
 
     return lax.scan(tick, (pilot.init(), start), (times, forces))[1]
 
@@ -107,8 +114,8 @@ def sea(loop: ClosedLoop, ticks: int, hold: int = 1) -> BodyAxes[Series]:
     """The force on each tick, that of the mission held constant over some ticks.
 
     Args:
-        loop: gives the disturbance, drawn with seed 0.
-        ticks: how many.
+        loop: closed loop with the disturbance, drawn with seed 0.
+        ticks: number of ticks.
         hold: ticks over which the force is constant.
     """
     clock = dataclasses.replace(loop.scenario.clock, ticks=ticks)
@@ -116,15 +123,15 @@ def sea(loop: ClosedLoop, ticks: int, hold: int = 1) -> BodyAxes[Series]:
     return map_fields(lambda f: jnp.repeat(f[:-1:hold], hold)[:ticks], path)
 
 
-def window(seen: TickLog, ticks: int) -> slice:
+def window(log: TickLog, ticks: int) -> slice:
     """Ticks around the first restart of the funnel, or the first ones.
 
     Args:
-        seen: a run.
-        ticks: how many.
+        log: a run.
+        ticks: number of ticks.
     """
-    last = seen.time.shape[0] - ticks
-    restarts = np.flatnonzero(np.diff(np.asarray(seen.segment)))
+    last = log.time.shape[0] - ticks
+    restarts = np.flatnonzero(np.diff(np.asarray(log.segment)))
     first = int(restarts[0]) - ticks // 2 if len(restarts) else 0
     first = max(min(first, last), 0)
     return slice(first, first + ticks)
@@ -138,7 +145,7 @@ def broken(
     Args:
         times: readings of the clock [s].
         measured: measurements, with a leading time axis.
-        seed: of the faults.
+        seed: seed of the faults.
     """
     draw = np.random.default_rng(seed)
     count = len(times)

@@ -20,6 +20,7 @@ from jaxglider.core.toml import (
 )
 from jaxglider.files.user_law import spec_of
 from jaxglider.vehicle.design_model import DesignModel
+from jaxglider.signals import CHANNEL_UNITS
 
 FAMILIES: dict[type, dict[str, type]] = {
     AbstractController: {name: entry.cls for name, entry in BY_NAME.items()},
@@ -32,14 +33,13 @@ FAMILIES: dict[type, dict[str, type]] = {
 _NAMED: dict[str, dict[str, Callable[..., Any]]] = {"exponents": EXPONENTS}
 
 
-_CHANNEL_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
 
 
 def encode(thing: eqx.Module, channel: str = "") -> dict[str, Any]:
     """A controller, an observer or a part of one as nested tables of plain numbers.
 
     Args:
-        thing: what to encode; its design model is left out.
+        thing: object to encode; its design model is left out.
         channel: name of the enclosing channel, which some units depend on.
     """
     table: dict[str, Any] = {}
@@ -67,9 +67,10 @@ def decode(
     """A copy of the template with the numbers of a table.
 
     Args:
-        template: of the kind wanted, with the values for what the table leaves out.
+        template: object of the kind wanted, with the values for everything that the
+            table leaves out.
         table: nested tables, as `encode` makes them.
-        path: of the table in its file, for messages.
+        path: path of the table in its file, for messages.
         channel: name of the enclosing channel.
         wanted: type of the field it is for; a `type` of another kind is refused.
 
@@ -145,5 +146,5 @@ def _name_in(names: dict[str, Any], value: Any) -> str:
 def _key(field: dataclasses.Field[Any], channel: str) -> str:
     unit = field.metadata.get("unit", "")
     if unit == "channel":
-        unit = _CHANNEL_UNITS.get(channel, "")
+        unit = CHANNEL_UNITS.get(channel, "")
     return f"{field.name}_{unit}" if unit else field.name

@@ -50,7 +50,7 @@ SEEDS = 2**32
 
 @dataclasses.dataclass(frozen=True)
 class Mission:
-    """What a mission file asks for.
+    """Content of a mission file.
 
     Attributes:
         name: name of the mission.

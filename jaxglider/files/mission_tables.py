@@ -29,20 +29,19 @@ from jaxglider.guidance import (
     Schedule,
     WaypointPath,
 )
-from jaxglider.signals import BodyAxes, Command, GliderState
+from jaxglider.signals import COMMAND_UNITS, BodyAxes, Command, GliderState
 from jaxglider.simulation.scenario import Clock
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.parameters import GliderParameters, VehicleData
 from jaxglider.vehicle.published import load_vehicle, vehicle_of
 
-_UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
 STATE_UNITS = {
     **dict.fromkeys(("north", "east", "depth"), ("m", 1.0)),
     **dict.fromkeys(("roll", "pitch", "heading"), ("deg", math.pi / 180)),
     **dict.fromkeys(("surge", "sway", "heave"), ("m_s", 1.0)),
     **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), ("deg_s", math.pi / 180)),
 }
-"""How the keys of a state end, and what their numbers are multiplied by."""
+"""Unit at the end of the key of each state, and its factor to SI."""
 
 
 def _built(make: Any, path: str, *args: Any, **kwargs: Any) -> Any:
@@ -88,12 +87,12 @@ def read_clock(table: TomlTable) -> Clock:
 
 def read_actuators(table: TomlTable, limits: Command[Any]) -> Command[Actuator]:
     """The three actuators; the limits of the vehicle by default."""
-    made = {}
-    for name, unit in _UNITS.items():
+    actuators = {}
+    for name, unit in COMMAND_UNITS.items():
         one = table.table(name)
         rate = one.get(f"rate_limit_{unit}_s", None)
         lag = one.get("time_constant_s", None)
-        made[name] = _built(
+        actuators[name] = _built(
             Actuator,
             one.where("")[:-1],
             one.number(f"limit_{unit}", float(getattr(limits, name))),
@@ -102,11 +101,11 @@ def read_actuators(table: TomlTable, limits: Command[Any]) -> Command[Actuator]:
         )
         one.close()
     table.close()
-    return Command(**made)
+    return Command(**actuators)
 
 
 def read_initial_state(table: TomlTable) -> GliderState:
-    """Where the glider starts; angles in degrees in the file."""
+    """State at the start; angles in degrees in the file."""
     values = {
         name: scale * table.number(f"{name}_{unit}", 0.0)
         for name, (unit, scale) in STATE_UNITS.items()
@@ -208,7 +207,7 @@ def read_reference(table: TomlTable, guidance: LineOfSight) -> AbstractReference
     """The task: a schedule or a waypoint path.
 
     Args:
-        table: of the file.
+        table: table of the file.
         guidance: gains of a path that gives none of its own.
     """
     kind = table.text("type", "schedule")
@@ -223,7 +222,7 @@ def read_reference(table: TomlTable, guidance: LineOfSight) -> AbstractReference
         table.close()
         return AttitudeSchedule(schedule)
     path = table.table("waypoints")
-    made = _built(
+    course = _built(
         WaypointPath,
         "reference.waypoints",
         path.numbers("north_m"),
@@ -242,7 +241,7 @@ def read_reference(table: TomlTable, guidance: LineOfSight) -> AbstractReference
     )
     path.close()
     table.close()
-    return made
+    return course
 
 
 def _schedule(table: TomlTable, kind: str) -> Schedule:
@@ -269,7 +268,7 @@ def _schedule(table: TomlTable, kind: str) -> Schedule:
     heading = (
         [0.0] * count if no_heading else column("heading_deg", default.heading, degrees)
     )
-    made = _built(
+    schedule = _built(
         Schedule,
         "reference.schedule",
         start,
@@ -279,4 +278,4 @@ def _schedule(table: TomlTable, kind: str) -> Schedule:
         table.number("initial_depth_m", 0.0),
     )
     table.close()
-    return made
+    return schedule

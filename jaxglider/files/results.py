@@ -14,12 +14,11 @@ import netCDF4
 import numpy as np
 
 from jaxglider.files.writing import replacing
+from jaxglider.signals import CHANNEL_UNITS, COMMAND_UNITS
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.rollout import Trajectory
 from jaxglider.simulation.tick import TickRecord
 
-_CHANNEL_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
-_COMMAND_UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad"}
 _STATE = {
     "north": ("m", "position north"),
     "east": ("m", "position east"),
@@ -44,8 +43,8 @@ def metrics_dict(metrics: Metrics, *, has_waypoints: bool) -> dict[str, Any]:
     read as perfect.
 
     Args:
-        metrics: of one run.
-        has_waypoints: whether the reference was a waypoint path.
+        metrics: metrics of one run.
+        has_waypoints: flag, the reference was a waypoint path.
     """
     channels = {
         name: {key: _plain(value) for key, value in vars(channel).items()}
@@ -78,7 +77,7 @@ def write_trajectories(
     a mission has ended.
 
     Args:
-        path: of the file.
+        path: path of the file.
         runs: trajectories by label; all with the same tick.
         about: provenance, kept as a JSON attribute.
 
@@ -130,13 +129,13 @@ def _variables() -> Iterator[tuple[str, str, str, str]]:
     """Name, unit, description and path in a tick of each variable in the file."""
     for name, (units, text) in _STATE.items():
         yield name, units, text, f"state.{name}"
-    for name, units in _CHANNEL_UNITS.items():
+    for name, units in CHANNEL_UNITS.items():
         yield f"{name}_reference", units, f"{name}: reference", f"reference.{name}"
         yield f"{name}_error", units, f"{name}: tracking error", f"error.{name}"
         for edge in ("lower", "upper"):
             text = f"{name}: {edge} edge of the funnel"
             yield f"{name}_{edge}_bound", units, text, f"limits.{name}.{edge}"
-    for name, units in _COMMAND_UNITS.items():
+    for name, units in COMMAND_UNITS.items():
         for kind in ("wanted", "applied"):
             text = f"{name.replace('_', ' ')}, {kind}"
             yield f"{name}_{kind}", units, text, f"{kind}.{name}"

@@ -1,4 +1,4 @@
-"""What is uncertain, as TOML: tables turned into quantities of a scenario.
+"""Uncertainty as TOML: tables turned into quantities of a scenario.
 
 Each function reads one table, refuses what it does not know, and names the key in every
 complaint. `TEMPLATE` is a complete, commented file.
@@ -17,6 +17,7 @@ from jaxglider.core.toml import ConfigError, TomlTable, number, read_toml
 from jaxglider.environment.disturbances import ScaledDisturbance, Sum
 from jaxglider.files.mission_tables import STATE_UNITS, read_disturbance
 from jaxglider.files.uncertainty_tables import (
+    Additions,
     read_distribution,
     read_failures,
     read_lags,
@@ -41,14 +42,12 @@ PARAMETERS = {
 }
 """Names that stand for several parameters."""
 
-Found = tuple[Scenario, list[Quantity]]
-
 
 def load_uncertainty(path: str | Path, scenario: Scenario) -> Uncertainty:
     """Read an uncertainty file.
 
     Args:
-        path: of the file.
+        path: path of the file.
         scenario: the nominal one.
 
     Raises:
@@ -63,14 +62,14 @@ def load_uncertainty(path: str | Path, scenario: Scenario) -> Uncertainty:
 
 
 def build_uncertainty(data: dict[str, Any], scenario: Scenario) -> Uncertainty:
-    """What parsed TOML makes uncertain of a scenario.
+    """The uncertainty of a scenario from parsed TOML.
 
     Raises:
         ConfigError: names the key, the rule and the value.
     """
     top = TomlTable(data, "")
     try:
-        found, groups = _vehicle(top.tables("vehicle"), scenario)
+        quantities, groups = _vehicle(top.tables("vehicle"), scenario)
         for key, read in (
             ("disturbance", _disturbance),
             ("initial_state", _initial_state),
@@ -80,10 +79,10 @@ def build_uncertainty(data: dict[str, Any], scenario: Scenario) -> Uncertainty:
             table = top.table(key)
             scenario, more = read(table, scenario)
             table.close()
-            found += more
+            quantities += more
         scenario, more = read_failures(top.tables("failure"), scenario)
         top.close()
-        uncertainty = Uncertainty(scenario, (*found, *more), groups)
+        uncertainty = Uncertainty(scenario, (*quantities, *more), groups)
     except ConfigError:
         raise
     except ValueError as error:
@@ -100,33 +99,33 @@ def _vehicle(
     quantities: list[Quantity] = []
     groups: list[Group] = []
     for count, table in enumerate(tables, 1):
-        given = table.get("names", "all")
-        listed = given if isinstance(given, list) else [given]
+        entry = table.get("names", "all")
+        listed = entry if isinstance(entry, list) else [entry]
         names = tuple(n for g in listed for n in PARAMETERS.get(str(g), (str(g),)))
         correlation = table.get("correlation", None)
         where = table.where("")[:-1]
-        law = read_distribution(table.rest(), where, 1.0)
-        quantities += [relative(scenario, name, law) for name in names]
+        factor = read_distribution(table.rest(), where, 1.0)
+        quantities += [relative(scenario, name, factor) for name in names]
         if correlation is not None:
             matrix = _correlation(correlation, len(names), f"{where}.correlation")
             groups.append(Group(f"group{count}", names, matrix))
     return quantities, tuple(groups)
 
 
-def _correlation(given: Any, size: int, where: str) -> tuple[tuple[float, ...], ...]:
+def _correlation(value: Any, size: int, where: str) -> tuple[tuple[float, ...], ...]:
     """One number for all pairs, or the whole matrix."""
-    if isinstance(given, list):
-        rows = [[number(x, where) for x in row] for row in given]
+    if isinstance(value, list):
+        rows = [[number(x, where) for x in row] for row in value]
         if len(rows) != size or any(len(row) != size for row in rows):
             raise ConfigError(f"{where} must have {size} rows of {size} numbers.")
         return tuple(tuple(row) for row in rows)
-    common = number(given, where)
+    common = number(value, where)
     matrix = np.full((size, size), common)
     np.fill_diagonal(matrix, 1.0)
     return tuple(tuple(row) for row in matrix.tolist())
 
 
-def _disturbance(table: TomlTable, scenario: Scenario) -> Found:
+def _disturbance(table: TomlTable, scenario: Scenario) -> Additions:
     """The waves' amplitudes and phases, then noise, strength and direction on top."""
     degrees = math.pi / 180.0
     noise = table.get("coloured_noise", None)
@@ -141,7 +140,7 @@ def _disturbance(table: TomlTable, scenario: Scenario) -> Found:
     if any(table.get(key, None) is not None for key in varied):
         whole = ScaledDisturbance(scenario.disturbance)
         scenario = dataclasses.replace(scenario, disturbance=whole)
-    laws = {
+    distributions = {
         key: read_distribution(table.get(key), table.where(key), centre, unit)
         for key, centre, unit in (
             ("amplitude", 1.0, 1.0),
@@ -151,62 +150,70 @@ def _disturbance(table: TomlTable, scenario: Scenario) -> Found:
         )
         if table.get(key, None) is not None
     }
-    waved = {"amplitude", "phase_deg"} & set(laws)
-    found = waves(scenario, laws.get("amplitude"), laws.get("phase_deg"))
-    if waved and not found:
+    keys = {"amplitude", "phase_deg"} & set(distributions)
+    quantities = waves(
+        scenario, distributions.get("amplitude"), distributions.get("phase_deg")
+    )
+    if keys and not quantities:
         raise ConfigError(
-            f"{table.where(min(waved))}: the disturbance of this scenario has no "
+            f"{table.where(min(keys))}: the disturbance of this scenario has no "
             "sinusoid; remove the key."
         )
     for key, unit in (("strength", "1"), ("direction_deg", "rad")):
-        if key in laws:
+        if key in distributions:
             name = key.removesuffix("_deg")
             path = f"disturbance.{name}"
-            found.append(Quantity(f"disturbance_{name}", path, unit, laws[key]))
-    return scenario, found
+            quantities.append(
+                Quantity(f"disturbance_{name}", path, unit, distributions[key])
+            )
+    return scenario, quantities
 
 
-def _initial_state(table: TomlTable, scenario: Scenario) -> Found:
+def _initial_state(table: TomlTable, scenario: Scenario) -> Additions:
     """Offsets of the start."""
-    found = []
+    quantities = []
     for name, (unit, scale) in STATE_UNITS.items():
         key = f"{name}_{unit}"
-        given = table.get(key, None)
-        if given is None:
+        value = table.get(key, None)
+        if value is None:
             continue
         nominal = float(getattr(scenario.initial_state, name))
-        law = read_distribution(given, table.where(key), 0.0, scale)
-        reach = max(abs(nominal + end) for end in law.support())
+        offset = read_distribution(value, table.where(key), 0.0, scale)
+        reach = max(abs(nominal + end) for end in offset.support())
         if name == "pitch" and reach >= math.pi / 2:
             raise ConfigError(f"{table.where(key)}: the pitch must stay within 90 deg.")
         path = f"initial_state.{name}"
         kind = SI[unit]
-        found.append(Quantity(f"initial_{name}", path, kind, law, offset=nominal))
-    return scenario, found
+        quantities.append(
+            Quantity(f"initial_{name}", path, kind, offset, offset=nominal)
+        )
+    return scenario, quantities
 
 
 SI = {"m": "m", "deg": "rad", "m_s": "m s-1", "deg_s": "rad s-1"}
 """Units of values whose keys end so."""
 
 
-def _sensors(table: TomlTable, scenario: Scenario) -> Found:
+def _sensors(table: TomlTable, scenario: Scenario) -> Additions:
     """Noise, and bias known or uncertain."""
-    sensors, found = {}, []
+    sensors, quantities = {}, []
     for name, (unit, scale) in STATE_UNITS.items():
         if table.get(name, None) is None:
             continue
         own = table.table(name)
         noise = scale * own.number(f"noise_{unit}", 0.0)
         bias = own.get(f"bias_{unit}", 0.0)
-        law = read_distribution(bias, own.where(f"bias_{unit}"), 0.0, scale)
+        distribution = read_distribution(bias, own.where(f"bias_{unit}"), 0.0, scale)
         own.close()
         try:
-            sensors[name] = Sensor(law.middle(), noise)
+            sensors[name] = Sensor(distribution.middle(), noise)
         except ValueError as error:
             raise ConfigError(f"{table.where(name)}: {error}") from error
         if isinstance(bias, dict):
             path = f"sensors.{name}.bias"
-            found.append(Quantity(f"sensor_bias_{name}", path, SI[unit], law))
+            quantities.append(
+                Quantity(f"sensor_bias_{name}", path, SI[unit], distribution)
+            )
     if sensors:
         scenario = dataclasses.replace(scenario, sensors=sensors)
-    return scenario, found
+    return scenario, quantities

@@ -2,8 +2,8 @@
 
 `{law = "uniform", half_width = 0.2}`, or low and high; `{law = "normal",
 standard_deviation = 0.1, truncation = 3.0}`; `{law = "log-normal", standard_deviation =
-0.3}`, of the logarithm. Where a law is of a factor on the nominal value it is centred
-on 1, where it is of an offset on 0; elsewhere it must say where it lies.
+0.3}`, of the logarithm. A factor on the nominal value is centred on 1, an offset on 0;
+elsewhere the table must say where the distribution lies.
 """
 
 import dataclasses
@@ -24,32 +24,33 @@ from jaxglider.vehicle.actuators import NEVER, Failure
 
 
 def read_distribution(
-    given: Any, where: str, centre: float | None = None, unit: float = 1.0
+    value: Any, where: str, centre: float | None = None, unit: float = 1.0
 ) -> AbstractDistribution:
     """A distribution from its table; a plain number is the one value it can take.
 
     Args:
-        given: the table or number.
-        where: its path in the file, for messages.
-        centre: of a law that does not say where it lies; None where it must.
-        unit: what its numbers are multiplied by.
+        value: table or number.
+        where: path of the table in the file, for messages.
+        centre: centre of a distribution that does not say where it lies; None where it
+            must.
+        unit: factor from the file's unit to SI.
 
     Raises:
         ConfigError: names the key, the rule and the value.
     """
-    if not isinstance(given, dict):
-        value = unit * number(given, where)
-        return Uniform(value, value)
-    table = TomlTable(given, where)
-    make = choice(table.get("law"), _LAWS, table.where("law"))
+    if not isinstance(value, dict):
+        constant = unit * number(value, where)
+        return Uniform(constant, constant)
+    table = TomlTable(value, where)
+    make = choice(table.get("law"), _DISTRIBUTIONS, table.where("law"))
     try:
-        made: AbstractDistribution = make(table, centre, unit)
+        distribution: AbstractDistribution = make(table, centre, unit)
     except ConfigError:
         raise
     except ValueError as error:
         raise ConfigError(f"{where}: {error}") from error
     table.close()
-    return made
+    return distribution
 
 
 def _uniform(table: TomlTable, centre: float | None, unit: float) -> Uniform:
@@ -82,37 +83,38 @@ def _middle(table: TomlTable, key: str, centre: float | None) -> float:
     return table.number(key, centre)
 
 
-_LAWS = {"uniform": _uniform, "normal": _normal, "log-normal": _log_normal}
+_DISTRIBUTIONS = {"uniform": _uniform, "normal": _normal, "log-normal": _log_normal}
 
 
 ACTUATORS = tuple(field.name for field in dataclasses.fields(Command))
 
 
-Found = tuple[Scenario, list[Quantity]]
+Additions = tuple[Scenario, list[Quantity]]
+"""A scenario that has what is uncertain, and the quantities."""
 
 
-def read_lags(table: TomlTable, scenario: Scenario) -> Found:
+def read_lags(table: TomlTable, scenario: Scenario) -> Additions:
     """Time constants of the actuators."""
-    found = []
+    quantities = []
     for name in ACTUATORS:
         own = table.table(name)
-        given = own.get("time_constant_s", None)
+        value = own.get("time_constant_s", None)
         own.close()
-        if given is None:
+        if value is None:
             continue
         where = own.where("time_constant_s")
-        law = read_distribution(given, where)
-        if law.support()[0] <= 0.0:
+        distribution = read_distribution(value, where)
+        if distribution.support()[0] <= 0.0:
             raise ConfigError(f"{where} must stay positive.")
-        scenario = _changed(scenario, name, time_constant=law.middle())
+        scenario = _changed(scenario, name, time_constant=distribution.middle())
         path = f"actuators.{name}.time_constant"
-        found.append(Quantity(f"{name}_time_constant", path, "s", law))
-    return scenario, found
+        quantities.append(Quantity(f"{name}_time_constant", path, "s", distribution))
+    return scenario, quantities
 
 
-def read_failures(tables: list[TomlTable], scenario: Scenario) -> Found:
+def read_failures(tables: list[TomlTable], scenario: Scenario) -> Additions:
     """Actuators that get stuck or weak, some or all members, at some time."""
-    found: list[Quantity] = []
+    quantities: list[Quantity] = []
     for table in tables:
         name = str(table.get("actuator"))
         choice(name, dict.fromkeys(ACTUATORS), table.where("actuator"))
@@ -129,20 +131,24 @@ def read_failures(tables: list[TomlTable], scenario: Scenario) -> Found:
             raise ConfigError(f"{where}: {error}") from error
         if getattr(scenario.actuators, name).failure is None:
             scenario = _changed(scenario, name, failure=Failure())
-        found.append(_failure(name, kind, "s", when))
+        quantities.append(_failure(name, kind, "s", when))
         if kind == "weak_from":
             where = table.where("effectiveness")
-            law = read_distribution(table.get("effectiveness"), where)
-            low, high = law.support()
+            share_left = read_distribution(table.get("effectiveness"), where)
+            low, high = share_left.support()
             if low < 0.0 or high > 1.0:
                 raise ConfigError(f"{where} must stay in [0, 1].")
-            found.append(_failure(name, "effectiveness", "1", law))
+            quantities.append(_failure(name, "effectiveness", "1", share_left))
         table.close()
-    return scenario, found
+    return scenario, quantities
 
 
-def _failure(name: str, field: str, unit: str, law: AbstractDistribution) -> Quantity:
-    return Quantity(f"{name}_{field}", f"actuators.{name}.failure.{field}", unit, law)
+def _failure(
+    name: str, field: str, unit: str, distribution: AbstractDistribution
+) -> Quantity:
+    return Quantity(
+        f"{name}_{field}", f"actuators.{name}.failure.{field}", unit, distribution
+    )
 
 
 def _changed(scenario: Scenario, name: str, **changes: Any) -> Scenario:

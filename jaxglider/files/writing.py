@@ -51,7 +51,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def provenance(**more: Any) -> dict[str, Any]:
-    """What produced a result: versions, hardware, time, and whatever is added."""
+    """Origin of a result: versions, hardware, time, and further entries."""
     versions = {
         name: importlib.metadata.version(name)
         for name in ("jaxglider", "jax", "jaxlib", "equinox", "numpy")

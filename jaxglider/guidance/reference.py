@@ -1,4 +1,4 @@
-"""What every reference is, and the attitude schedule that all of them build on."""
+"""Protocol of a reference, which tells the glider what to do."""
 
 from abc import abstractmethod
 from typing import Any
@@ -26,12 +26,12 @@ class AbstractReference(Container):
 
     @property
     def waypoints(self) -> int | None:
-        """How many waypoints there are to reach; None where there is no course."""
+        """Number of waypoints to reach; None where there is no course."""
         return None
 
     @abstractmethod
     def plan(self, times: Series) -> Any:
-        """What is known beforehand at each tick time [s]; one leading axis."""
+        """Everything known beforehand at each tick time [s]; one leading axis."""
 
     @abstractmethod
     def init(self, state: GliderState) -> Any:
@@ -41,12 +41,12 @@ class AbstractReference(Container):
     def step(
         self, state: Any, planned: Any, measurement: Measurement, dt: Scalar
     ) -> tuple[Reference, Any]:
-        """What to do in this tick, and the reference's next state.
+        """The reference of this tick, and the next state.
 
         Args:
-            state: from `init` or the previous step.
-            planned: this tick's share of `plan`.
-            measurement: what is known of the glider.
+            state: state from `init` or from the previous step.
+            planned: row of `plan` for this tick.
+            measurement: everything that is known of the glider.
             dt: tick [s].
         """
 

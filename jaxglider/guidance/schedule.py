@@ -16,10 +16,10 @@ class Segment(eqx.Module):
     """A schedule at one instant.
 
     Attributes:
-        number: of the segment.
+        number: number of the segment.
         clock: time since it began [s].
         depth: wanted depth [m].
-        depth_rate: its rate [m/s].
+        depth_rate: rate of the wanted depth [m/s].
         gliding_angle: ξ_d [rad], negative down.
         heading: ψ_d [rad].
     """
@@ -36,11 +36,11 @@ class Schedule(Container):
     """Piecewise constant gliding angle, heading and depth rate.
 
     Attributes:
-        start: when each segment begins [s]; the first at 0, increasing. The last goes
-            on for ever.
-        gliding_angle: ξ_d of each [rad], negative down.
-        heading: ψ_d of each [rad].
-        depth_rate: of each [m/s], positive down.
+        start: beginnings of the segments [s]; the first at 0, increasing. The last
+            segment goes on for ever.
+        gliding_angle: ξ_d of each segment [rad], negative down.
+        heading: ψ_d of each segment [rad].
+        depth_rate: rate of the wanted depth in each segment [m/s], positive down.
         initial_depth: wanted depth at time 0 [m].
 
     Raises:
@@ -82,12 +82,12 @@ class Schedule(Container):
         begun = jnp.concatenate([self.initial_depth[None], reached[:-1]])
         rate = self.depth_rate[number]
         return Segment(
-            number,
-            clock,
-            begun[number] + rate * clock,
-            rate,
-            self.gliding_angle[number],
-            self.heading[number],
+            number=number,
+            clock=clock,
+            depth=begun[number] + rate * clock,
+            depth_rate=rate,
+            gliding_angle=self.gliding_angle[number],
+            heading=self.heading[number],
         )
 
 
@@ -107,7 +107,7 @@ class AttitudeSchedule(AbstractReference):
         return jax.vmap(self.schedule.at)(times)
 
     def init(self, state: GliderState) -> None:
-        """It has no memory."""
+        """No state: a schedule has no memory."""
         return None
 
     def step(

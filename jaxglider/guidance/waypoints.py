@@ -33,7 +33,7 @@ from jaxglider.signals import Channels, GliderState, Measurement, Reference
 
 
 class PathState(eqx.Module):
-    """Where on the path the glider is.
+    """Progress of the glider along the path.
 
     Attributes:
         target: number of the waypoint being made for.
@@ -52,10 +52,10 @@ class Leg(eqx.Module):
     """One leg of the path.
 
     Attributes:
-        north: where it begins [m].
-        east: where it begins [m].
-        cosine: of its azimuth.
-        sine: of its azimuth.
+        north: north coordinate of its beginning [m].
+        east: east coordinate of its beginning [m].
+        cosine: cosine of its azimuth.
+        sine: sine of its azimuth.
         azimuth: χ [rad].
     """
 
@@ -67,7 +67,7 @@ class Leg(eqx.Module):
 
 
 class PlannedTick(eqx.Module):
-    """What is known of a tick beforehand.
+    """Everything known of a tick beforehand.
 
     Attributes:
         time: start of the tick [s].
@@ -88,13 +88,13 @@ class WaypointPath(AbstractReference):
     Control). Depth and gliding angle follow a schedule, whose headings are not used.
 
     Attributes:
-        north: of the waypoints [m].
-        east: of the waypoints [m].
+        north: north coordinates of the waypoints [m].
+        east: east coordinates of the waypoints [m].
         line_of_sight: guidance gains.
         vertical: schedule of gliding angle and depth rate.
         radius: switching distance [m].
-        start_north: where the first leg begins [m].
-        start_east: where the first leg begins [m].
+        start_north: north coordinate of the first leg's beginning [m].
+        start_east: east coordinate of the first leg's beginning [m].
         abeam: largest distance [m] at which a waypoint counts as reached once it is
             abeam or behind, seen along its leg; None for within the radius alone.
 
@@ -145,7 +145,7 @@ class WaypointPath(AbstractReference):
 
     @property
     def waypoints(self) -> int:
-        """How many waypoints there are to reach."""
+        """Number of waypoints to reach."""
         return len(self.north)
 
     def plan(self, times: Series) -> PlannedTick:

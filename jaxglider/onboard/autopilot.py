@@ -1,4 +1,4 @@
-"""What runs on the vehicle: guidance, observer, law and limits as one pure function.
+"""Autopilot on the vehicle: guidance, observer, law, limits as one pure function.
 
 One call per control tick, `Autopilot.step`, turns a reading of the clock and a
 measurement into a command. With sound inputs it does what a closed loop does in
@@ -60,15 +60,15 @@ from jaxglider.vehicle.actuators import Actuator, follow_all
 
 
 class AutopilotState(eqx.Module):
-    """What one tick on board hands to the next.
+    """State of the autopilot between two ticks on board.
 
     Attributes:
         started: a complete measurement has been seen.
-        time: what is known of the time.
+        time: reckoning of the mission time.
         silent: ticks since the last complete measurement.
         measured: last good measurement, number by number.
         attitude: sines and cosines of its Euler angles.
-        held: where the actuators are [kg, m, rad].
+        held: positions of the actuators [kg, m, rad].
         planned: last good plan.
         reference: state of the reference.
         controller: state of the controller.
@@ -88,7 +88,7 @@ class AutopilotState(eqx.Module):
 
 
 class Autopilot(eqx.Module):
-    """Who steers, as it stands on board.
+    """Guidance, observer and law with the guard that checks their inputs on board.
 
     Attributes:
         controller: the law and its gains.
@@ -96,7 +96,7 @@ class Autopilot(eqx.Module):
         reference: the task.
         actuators: limits of the actuators, and a model of where they are.
         dt: control tick [s].
-        guard: what is believed of the inputs.
+        guard: limits of believable inputs.
     """
 
     controller: AbstractController
@@ -111,16 +111,18 @@ class Autopilot(eqx.Module):
         zero = jnp.zeros_like(self.dt)
         still = zeros(GliderState, zero)
         return AutopilotState(
-            jnp.asarray(False),
-            TimeState(zero, zero, zero, jnp.asarray(0, jnp.int32)),
-            jnp.asarray(0, jnp.int32),
-            still,
-            still.attitude(),
-            zeros(Command, zero),
-            self._planned(zero),
-            self.reference.init(still),
-            self.controller.init(),
-            self.observer.init(still),
+            started=jnp.asarray(False),
+            time=TimeState(
+                now=zero, stamp=zero, offset=zero, steady=jnp.asarray(0, jnp.int32)
+            ),
+            silent=jnp.asarray(0, jnp.int32),
+            measured=still,
+            attitude=still.attitude(),
+            held=zeros(Command, zero),
+            planned=self._planned(zero),
+            reference=self.reference.init(still),
+            controller=self.controller.init(),
+            observer=self.observer.init(still),
         )
 
     def plan(self, state: AutopilotState, time: Scalar) -> Any:
@@ -136,26 +138,29 @@ class Autopilot(eqx.Module):
         """One control tick.
 
         Args:
-            state: from `init` or the previous tick.
+            state: state from `init` or from the previous tick.
             time: reading of the clock [s], from zero at the start of the mission.
             measured: the measurement; NaN where a number is missing (`GliderState`
                 refuses NaN where it is built: put it there with `eqx.tree_at`).
-            planned: from `plan`, or numbers of one's own.
+            planned: row of `plan`, or numbers of one's own.
 
         Returns:
             The next state, the command for the actuators and the status word.
         """
         following, clock = self._mission_time(state, time)
         planned, replaced = believed_plan(planned, state.planned)
-        kept = map_fields(within, measured, state.measured, self.guard.ranges())
+        believed = map_fields(within, measured, state.measured, self.guard.ranges())
         complete = all_of(map_fields(is_within, measured, self.guard.ranges()))
         silent = jnp.where(complete, 0, jnp.minimum(state.silent + 1, MANY))
         lost = ~(state.started | complete) | self._too_long(silent)
         afresh = complete & (~state.started | self._too_long(state.silent))
-        observer, observer_reset = self._observe(state, kept, complete, afresh)
-        attitude = kept.attitude()
+        observer, observer_reset = self._observe(state, believed, complete, afresh)
+        attitude = believed.attitude()
         known = Measurement(
-            kept, attitude, state.held, self.observer.estimate(observer)
+            state=believed,
+            attitude=attitude,
+            applied=state.held,
+            disturbance=self.observer.estimate(observer),
         )
         aim, guidance = self._guide(state, planned, known)
         wanted, controller, controller_reset = self._decide(
@@ -176,16 +181,16 @@ class Autopilot(eqx.Module):
             "finished": aim.finished,
         }
         after = AutopilotState(
-            state.started | complete,
-            following,
-            silent,
-            kept,
-            attitude,
-            held,
-            planned,
-            guidance,
-            controller,
-            observer,
+            started=state.started | complete,
+            time=following,
+            silent=silent,
+            measured=believed,
+            attitude=attitude,
+            held=held,
+            planned=planned,
+            reference=guidance,
+            controller=controller,
+            observer=observer,
         )
         word = sum(jnp.where(flags[name], bit, 0) for name, bit in BITS.items())
         return after, command, jnp.asarray(word, jnp.int32)
@@ -199,24 +204,26 @@ class Autopilot(eqx.Module):
         return silent * self.dt > self.guard.patience
 
     def _observe(
-        self, state: AutopilotState, kept: GliderState, complete: Flag, afresh: Flag
+        self, state: AutopilotState, believed: GliderState, complete: Flag, afresh: Flag
     ) -> tuple[Any, Flag]:
         """The observer's state now that the measurement is known."""
         before = Measurement(
-            state.measured,
-            state.attitude,
-            state.held,
-            self.observer.estimate(state.observer),
+            state=state.measured,
+            attitude=state.attitude,
+            applied=state.held,
+            disturbance=self.observer.estimate(state.observer),
         )
-        stepped = self.observer.step(state.observer, before, state.held, kept, self.dt)
+        stepped = self.observer.step(
+            state.observer, before, state.held, believed, self.dt
+        )
         broken = complete & ~sound(stepped)
         following = select(complete, stepped, state.observer)
-        return select(afresh | broken, self.observer.init(kept), following), broken
+        return select(afresh | broken, self.observer.init(believed), following), broken
 
     def _guide(
         self, state: AutopilotState, planned: Any, known: Measurement
     ) -> tuple[Reference, Any]:
-        """What to do in this tick, and the reference's next state."""
+        """The reference of this tick, and its next state."""
         begun = select(state.started, state.reference, self.reference.init(known.state))
         aim, following = self.reference.step(begun, planned, known, self.dt)
         return aim, select(sound(following), following, begun)
@@ -241,7 +248,7 @@ class Autopilot(eqx.Module):
     def _command(
         self, held: Command[Scalar], target: Command[Scalar]
     ) -> tuple[Command[Scalar], Command[Scalar]]:
-        """What is sent to the actuators, and where they will be.
+        """The command sent to the actuators, and their next positions.
 
         Rates are limited here too, but for a servo with a lag, which has its own.
         """
@@ -260,18 +267,18 @@ class Autopilot(eqx.Module):
 
 
 def autopilot(loop: ClosedLoop, guard: Guard | None = None) -> Autopilot:
-    """Who steers a closed loop, as it stands on board.
+    """The autopilot of a closed loop, as it stands on board.
 
     Args:
         loop: the closed loop; vehicle, sea and sensors are left behind.
-        guard: what is believed of the inputs; the default one if None.
+        guard: limits of believable inputs; the default ones if None.
     """
     scenario = loop.scenario
     return Autopilot(
-        loop.controller,
-        loop.observer,
-        scenario.reference,
-        scenario.actuators,
-        scenario.clock.dt,
-        Guard() if guard is None else guard,
+        controller=loop.controller,
+        observer=loop.observer,
+        reference=scenario.reference,
+        actuators=scenario.actuators,
+        dt=scenario.clock.dt,
+        guard=Guard() if guard is None else guard,
     )

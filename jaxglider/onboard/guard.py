@@ -1,4 +1,4 @@
-"""What an autopilot believes of its inputs, and what it says when it does not.
+"""Checks of an autopilot's inputs, and the status word that reports them.
 
 See `autopilot` for what is done about inputs that are not sound.
 """
@@ -47,16 +47,16 @@ MANY = 1_000_000_000
 
 
 class Guard(Container):
-    """What is believed of the sensors and of the clock, and for how long.
+    """Limits of believable readings of sensors and clock.
 
     Attributes:
         position: largest modulus of north, east and depth [m].
-        angle: of roll, pitch and heading [rad].
-        speed: of surge, sway and heave [m/s].
-        turn_rate: of the body rates [rad/s].
+        angle: largest roll, pitch and heading [rad].
+        speed: largest surge, sway and heave [m/s].
+        turn_rate: largest body rates [rad/s].
         gap: longest believable time from one tick to the next [s].
-        trust: how long a clock that was set must run steadily [s].
-        patience: how long old measurements stand in for missing ones [s].
+        trust: time that a clock which was set must run steadily [s].
+        patience: time that old measurements stand in for missing ones [s].
         safe: command taken then, and before the first measurement.
 
     Raises:
@@ -108,11 +108,11 @@ def mission_time(
     """Mission time, and what is to be said of the clock.
 
     Args:
-        guard: what is believed.
+        guard: limits of believable inputs.
         dt: control tick [s].
-        old: of the previous tick.
+        old: reckoning of the previous tick.
         running: a measurement has been seen.
-        reading: of the clock [s].
+        reading: reading of the clock [s].
     """
     gap = guard.gap
     finite = (reading >= 0.0) & (reading <= SOUND)
@@ -129,7 +129,7 @@ def mission_time(
     offset = jnp.where(running & set_back, onward - reading, old.offset)
     now = jnp.where(believed, reading + offset, onward)
     ticking = finite & running
-    return TimeState(now, reading, offset, steady), {
+    return TimeState(now=now, stamp=reading, offset=offset, steady=steady), {
         "clock_invalid": ~finite,
         "clock_stuck": ticking & (elapsed == 0.0),
         "clock_backwards": ticking & (elapsed < 0.0),
@@ -139,12 +139,23 @@ def mission_time(
 
 
 def is_within(x: Scalar, limit: Scalar) -> Flag:
-    """|x| ≤ limit; false for NaN."""
+    """|x| ≤ limit; false for NaN.
+
+    Args:
+        x: number.
+        limit: largest modulus believed.
+    """
     return jnp.abs(x) <= limit
 
 
 def within(x: Scalar, old: Scalar, limit: Scalar) -> Scalar:
-    """The number, or the old one where it is out of its range."""
+    """The number, or the old one where it is out of its range.
+
+    Args:
+        x: number.
+        old: last believed number.
+        limit: largest modulus believed.
+    """
     return jnp.where(is_within(x, limit), x, old)
 
 
@@ -168,14 +179,25 @@ def sound(tree: Any) -> Flag:
 
 
 def select(flag: Flag, yes: Any, no: Any) -> Any:
-    """One of two pytrees, leaf by leaf."""
+    """One of two pytrees, leaf by leaf.
+
+    Args:
+        flag: condition.
+        yes: pytree where it holds.
+        no: pytree where it does not.
+    """
     return jax.tree.map(lambda a, b: jnp.where(flag, a, b), yes, no)
 
 
-def believed_plan(given: Any, old: Any) -> tuple[Any, Flag]:
-    """A plan, as a whole the last good one where a number is not sound."""
-    usable = sound(given)
-    return select(usable, given, old), ~usable
+def believed_plan(plan: Any, old: Any) -> tuple[Any, Flag]:
+    """A plan, as a whole the last good one where a number is not sound.
+
+    Args:
+        plan: row of the plan.
+        old: last believed one.
+    """
+    usable = sound(plan)
+    return select(usable, plan, old), ~usable
 
 
 def status_names(word: int) -> list[str]:

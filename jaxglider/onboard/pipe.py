@@ -49,7 +49,7 @@ from jaxglider.signals import (
 
 HELLO = "jaxglider-sil 1"
 TIMEOUT = 5.0
-"""How long an answer may take [s]."""
+"""Longest wait for an answer [s]."""
 
 
 class PipeError(OSError):
@@ -60,8 +60,8 @@ class ChildProcess:
     """A running controller program.
 
     Attributes:
-        statuses: how many ticks had each status word that is not zero.
-        failure: what went wrong, if anything has.
+        statuses: number of ticks with each status word that is not zero.
+        failure: account of the failure, if there was one.
     """
 
     def __init__(self, command: Sequence[str], dt: float, timeout: float = TIMEOUT):
@@ -70,7 +70,7 @@ class ChildProcess:
         Args:
             command: the program and its arguments.
             dt: control tick [s].
-            timeout: how long an answer may take [s].
+            timeout: longest wait for an answer [s].
 
         Raises:
             PipeError: it cannot be started, refuses, or does not answer.
@@ -168,14 +168,14 @@ class ChildProcess:
         return answer.decode(errors="replace").strip()
 
     def _ended(self) -> PipeError:
-        """What to say of a program that has ended."""
+        """The error about a program that has ended."""
         try:
             code: int | str = self._process.wait(1.0)
         except subprocess.TimeoutExpired:
             code = "unknown"
         self._errors.seek(0)
-        said = self._errors.read().decode(errors="replace").strip()
-        last = f" Its last words: {said.splitlines()[-1]}" if said else ""
+        complaint = self._errors.read().decode(errors="replace").strip()
+        last = f" Its last words: {complaint.splitlines()[-1]}" if complaint else ""
         return PipeError(
             f"{self._name} ended at tick {self._tick} with exit code {code}.{last}"
         )
@@ -202,7 +202,7 @@ class PipeController(AbstractController):
     A program has a memory of its own: run it once, tick after tick, not under `vmap`.
 
     Attributes:
-        funnel: the funnel that its errors are judged by, or None.
+        funnel: funnel that errors are judged by, or None.
         peer: the program.
         model: None; the program keeps its beliefs to itself.
     """

@@ -111,19 +111,24 @@ def make_scenario(
     data = load_vehicle(vehicle)
     start = GliderState.at_rest(east=3.0 if scenario == "waypoints" else 0.0)
     return Scenario(
-        Clock.lasting(
+        clock=Clock.lasting(
             DURATION[scenario] if duration is None else duration, dt, substeps
         ),
-        PLANTS[plant](data),
-        map_fields(Actuator, data.limits),
-        disturbance(),
-        reference(scenario),
-        start,
+        plant=PLANTS[plant](data),
+        actuators=map_fields(Actuator, data.limits),
+        disturbance=disturbance(),
+        reference=reference(scenario),
+        initial_state=start,
     )
 
 
 def design_model(plant: AbstractPlant, factor: float = DESIGN_FACTOR) -> DesignModel:
-    """What the paper's designer believes of a plant."""
+    """The design model that the paper's designer has of a plant.
+
+    Args:
+        plant: glider to be steered.
+        factor: factor on all its parameters in the belief.
+    """
     exact = plant.model()
     return DesignModel(exact.parameters.scaled(factor), exact.actuation)
 
@@ -134,7 +139,17 @@ def make_loop(
     controller: str = "fxtppc",
     **options: Any,
 ) -> ClosedLoop:
-    """A whole closed loop of the paper; options as for `make_scenario`."""
+    """A whole closed loop of the paper.
+
+    Args:
+        scenario: `switching` or `waypoints`.
+        plant: name of the plant, one of `PLANTS`.
+        controller: name of the controller.
+        options: further arguments of `make_scenario`.
+
+    Raises:
+        ValueError: a name is unknown.
+    """
     setting = make_scenario(scenario, plant, **options)
     model = design_model(setting.plant)
     return make_law(controller, scenario, model).on(setting)

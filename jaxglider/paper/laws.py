@@ -55,7 +55,12 @@ _FUNNELS = {
 def funnel(
     scenario: str, form: type[AbstractPerformanceFunction] = SechFunction
 ) -> Funnel:
-    """The performance functions of a case, symmetric, in one of the forms."""
+    """The performance functions of a case, symmetric, in one of the forms.
+
+    Args:
+        scenario: `switching` or `waypoints`.
+        form: class of the performance functions.
+    """
     performance = {
         channel: form(*numbers) for channel, numbers in _FUNNELS[scenario].items()
     }

@@ -14,7 +14,7 @@ from jaxglider.simulation.rollout import Trajectory
 from jaxglider.vehicle.actuators import Actuator
 
 _BEYOND = 1.15
-"""How far the axes reach, in saturation limits."""
+"""Range of the axes in saturation limits."""
 _SPARSE = (0, (1, 1.5))
 _COMMANDS = {
     "buoyancy_mass": "buoyancy mass\n$m_b$ (kg)",
@@ -26,14 +26,14 @@ _COMMANDS = {
 def commands(
     axes: Any, runs: Mapping[str, Trajectory], actuators: Command[Actuator]
 ) -> Any:
-    """What the actuators were asked for (thin, pale) and what they held (solid).
+    """Commands of the controller (thin, pale) and of the actuators (solid).
 
     The axes end a little beyond the saturation limits, whatever was asked for.
 
     Args:
-        axes: three, for buoyancy mass, position and angle of the moving mass.
+        axes: three axes, for buoyancy mass, position and angle of the moving mass.
         runs: label to trajectory.
-        actuators: those of the scenario; their limits are drawn.
+        actuators: actuators of the scenario; their limits are drawn.
     """
     panels = flat(axes, 3, "commands")
     ticks = {label: active_ticks(run) for label, run in runs.items()}

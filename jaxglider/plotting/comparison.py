@@ -44,9 +44,9 @@ _ERRORS = {
     "heading": "heading error\n(deg)",
 }
 _VISIBLE = {"depth": 0.2, "pitch": 1.0, "heading": 1.0}
-"""From where on two references are told apart [m, deg]."""
+"""Smallest visible difference of two references [m, deg]."""
 _OUTSIDE = 1.4
-"""How far the error axes reach at most, in widest funnels."""
+"""Largest range of the error axes, in widest funnels."""
 
 
 def tracking(
@@ -58,7 +58,7 @@ def tracking(
     rolled or turned many times stays on the page.
 
     Args:
-        axes: three, for depth (downward), pitch and heading.
+        axes: three axes, for depth (downward), pitch and heading.
         runs: label to trajectory.
         reference_of: label of the run whose reference is drawn, the last by default.
             Runs have different references where these depend on the glider: the pitch
@@ -102,7 +102,7 @@ def errors(
     """Errors of depth, pitch and heading inside their funnels.
 
     Args:
-        axes: three, for depth, pitch and heading.
+        axes: three axes, for depth, pitch and heading.
         runs: label to trajectory.
         funnel_of: label of the run whose funnel is shaded, the last by default. Where
             another run has other bounds they are dotted in its colour.

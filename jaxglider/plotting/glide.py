@@ -37,10 +37,10 @@ def polar(
     """Depth rate against horizontal speed of all straight glides.
 
     Args:
-        axis: to draw on.
+        axis: axes to draw on.
         plant: the glider.
         buoyancy: masses [kg], one line for dives and one for climbs with each.
-        motion: marked by a dot.
+        motion: steady motion, marked by a dot.
     """
     alpha = np.radians(np.geomspace(0.02, 20.0, 200))
     glides = jax.jit(jax.vmap(glide_polar, (None, None, 0)))
@@ -106,7 +106,7 @@ def eigenvalues(axis: Axes, analysis: Analysis) -> Axes:
 
 
 def reach(axis: Axes, analysis: Analysis) -> Axes:
-    """How fast the full stroke of each actuator sets each mode off, as shades."""
+    """Speed at which the full stroke of each actuator sets each mode off, as shades."""
     table = np.array([mode.reach for mode in analysis.modes])
     shade = np.log10(np.maximum(table, 1e-3))
     axis.imshow(shade, cmap="Blues", vmin=-3.0, vmax=1.5, aspect="auto")
@@ -141,12 +141,12 @@ def save_glide(
     """Write the figure of a steady motion.
 
     Args:
-        path: of the file.
-        vehicle: whose limits scale the polar.
+        path: path of the file.
+        vehicle: vehicle whose limits scale the polar.
         plant: the glider.
         motion: the steady motion.
-        analysis: of its linearisation.
-        name: of the plant.
+        analysis: analysis of its linearisation.
+        name: name of the plant.
     """
     limit = float(vehicle.limits.buoyancy_mass)
     with look():

@@ -1,4 +1,4 @@
-"""What the comparing figures share: one line for each run.
+"""Parts that the comparing figures share: one line for each run.
 
 The most restless line of a panel is drawn first, so that a chattering or tumbling run
 does not bury the others.
@@ -29,7 +29,7 @@ UNITS: dict[str, Callable[[Any], np.ndarray]] = {
     "mass_position": drawable,
     "mass_angle": degrees,
 }
-"""From the unit of the signal to the unit drawn."""
+"""Conversion of each signal from its own unit to the unit drawn."""
 
 
 def choose_run(label: str | None, runs: Mapping[str, Trajectory]) -> str:
@@ -55,7 +55,14 @@ def draw_runs(
     look: Mapping[str, Style],
     jump: float = np.inf,
 ) -> None:
-    """All the runs' lines, with gaps where one jumps further than `jump`."""
+    """All the runs' lines, with gaps where one jumps.
+
+    Args:
+        axis: axes to draw on.
+        lines: times [s] and values by label.
+        look: style of each label.
+        jump: largest step without a gap, in the unit of the values.
+    """
     order = sorted(lines, key=lambda label: -restlessness(lines[label][1]))
     for place, label in enumerate(order):
         time, values = break_jumps(*lines[label], jump)

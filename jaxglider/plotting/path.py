@@ -28,9 +28,9 @@ def path_plan(
     """The way seen from above, east to the right and north up, to one scale.
 
     Args:
-        axes: to draw on.
+        axes: axes to draw on.
         runs: label to trajectory.
-        path: its waypoints, legs and switching circles are drawn too.
+        path: course, drawn with its waypoints, legs and switching circles.
     """
     look = styles(runs)
     if path is not None:
@@ -55,9 +55,9 @@ def path_3d(
     Waypoints have no depth of their own: each is a pole under its switching circle.
 
     Args:
-        axes: made with `projection="3d"`.
+        axes: axes made with `projection="3d"`.
         runs: label to trajectory.
-        path: its waypoints and switching circles are drawn too.
+        path: course, drawn with its waypoints and switching circles.
     """
     look = styles(runs)
     ways = {label: _way(active_ticks(run)) for label, run in runs.items()}
@@ -121,7 +121,7 @@ def _way(ticks: TickRecord) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _ends(
     way: Sequence[np.ndarray], style: Style
 ) -> list[tuple[list[np.ndarray], dict[str, Any]]]:
-    """Where a way starts and ends: a cross there if it stopped being finite."""
+    """Start and end of a way: a cross at the end if it stopped being finite."""
     known = np.flatnonzero(np.isfinite(np.stack(way)).all(axis=0))
     if not known.size:
         return []

@@ -26,9 +26,9 @@ def performance_functions(
     A dot marks where each one settles.
 
     Args:
-        axes: to draw on.
+        axes: axes to draw on.
         functions: label to performance function; settling times may differ.
-        duration: of the time axis [s].
+        duration: length of the time axis [s].
     """
     time = np.linspace(0.0, duration, _POINTS)
     for (label, function), style in zip(
@@ -50,7 +50,7 @@ def performance_functions(
 
 
 def settling_time(function: AbstractPerformanceFunction, horizon: float) -> float:
-    """When a function has settled [s], or the horizon where it has not by then."""
+    """Settling time of a function [s], or the horizon where that comes first."""
     time = np.linspace(0.0, horizon, 10 * _POINTS)
     settled = _normalised(function, time)[1]
     return horizon if settled is None else settled

@@ -46,7 +46,7 @@ def figures(
     """Name and figure, one at a time, sized for a journal.
 
     Args:
-        scenario: that of all the runs.
+        scenario: scenario of all the runs.
         runs: label to trajectory.
         functions: performance functions to compare; the published forms by default.
     """
@@ -66,8 +66,8 @@ def save_all(
     """Write every figure; a file appears under its name only when it is complete.
 
     Args:
-        folder: made if it is not there.
-        scenario: that of all the runs.
+        folder: folder, made if it is not there.
+        scenario: scenario of all the runs.
         runs: label to trajectory.
         formats: file endings that Matplotlib knows.
         functions: performance functions to compare; the published forms by default.
@@ -89,8 +89,8 @@ def save(figure: Figure, path: Path) -> Path:
     """Write one figure to a temporary name beside its own, then rename it.
 
     Args:
-        figure: to write.
-        path: of the file; its ending is the format.
+        figure: figure to write.
+        path: path of the file; its ending is the format.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
@@ -107,12 +107,12 @@ def _builders(
     runs: Mapping[str, Trajectory],
     functions: Mapping[str, AbstractPerformanceFunction] | None,
 ) -> dict[str, Callable[[], Figure]]:
-    """How each figure is made, by its name."""
+    """Makers of the figures by their names."""
     reference = scenario.reference
     path = reference if isinstance(reference, WaypointPath) else None
     horizon = scenario.clock.ticks * float(scenario.clock.dt)
     shapes = published_functions() if functions is None else functions
-    made: dict[str, Callable[[], Figure]] = {
+    builders: dict[str, Callable[[], Figure]] = {
         "performance_functions": lambda: _performance(shapes, horizon),
         "tracking": lambda: _stacked(lambda axes: tracking(axes, runs)),
         "errors": lambda: _stacked(lambda axes: errors(axes, runs)),
@@ -126,13 +126,13 @@ def _builders(
         if not has_data(runs[label]):
             continue
         name = re.sub(r"[^a-z0-9]+", "_", label.lower()).strip("_") or "run"
-        made[_free(f"vehicle_state_{name}", made)] = partial(
+        builders[_free(f"vehicle_state_{name}", builders)] = partial(
             _sheet, label, runs[label], style.colour
         )
-        made[_free(f"disturbance_estimate_{name}", made)] = partial(
+        builders[_free(f"disturbance_estimate_{name}", builders)] = partial(
             _estimate, label, runs[label], style.colour
         )
-    return made
+    return builders
 
 
 def has_data(run: Trajectory) -> bool:
@@ -142,10 +142,10 @@ def has_data(run: Trajectory) -> bool:
     return bool(np.logical_and.reduce(fields).any())
 
 
-def _free(name: str, taken: Mapping[str, object]) -> str:
+def _free(name: str, names: Mapping[str, object]) -> str:
     """The name, numbered where two labels differ only in what a file cannot show."""
     number, candidate = 2, name
-    while candidate in taken:
+    while candidate in names:
         number, candidate = number + 1, f"{name}_{number}"
     return candidate
 

@@ -49,7 +49,7 @@ def continuous_degrees(angle: Any) -> np.ndarray:
 
 
 def end_time(runs: Iterable[Trajectory]) -> float:
-    """When the last tick of the longest run ended [s]; zero without any tick."""
+    """End of the longest run's last tick [s]; zero without any tick."""
     ends = [0.0]
     for run in runs:
         time = drawable(active_ticks(run).time)
@@ -66,7 +66,7 @@ def keep_extremes(*columns: np.ndarray, points: int = MAX_POINTS) -> np.ndarray:
 
     Args:
         columns: one line's coordinates, of one length.
-        points: about how many samples to keep at most.
+        points: approximate number of samples to keep at most.
     """
     length = len(columns[0])
     if length <= points:
@@ -76,16 +76,16 @@ def keep_extremes(*columns: np.ndarray, points: int = MAX_POINTS) -> np.ndarray:
     rows = -(-length // size)
     index = np.minimum(np.arange(rows * size), length - 1).reshape(rows, size)
     row = np.arange(rows)
-    kept = [np.array([0, length - 1])]
+    samples = [np.array([0, length - 1])]
     for column in columns:
         block = column[index]
         known = np.isfinite(block)
         low = np.where(known, block, np.inf).argmin(axis=1)
         high = np.where(known, block, -np.inf).argmax(axis=1)
         gap = ~known.all(axis=1)
-        kept += [index[row, low], index[row, high]]
-        kept.append(index[row[gap], (~known[gap]).argmax(axis=1)])
-    return np.unique(np.concatenate(kept))
+        samples += [index[row, low], index[row, high]]
+        samples.append(index[row[gap], (~known[gap]).argmax(axis=1)])
+    return np.unique(np.concatenate(samples))
 
 
 def break_jumps(
@@ -94,9 +94,9 @@ def break_jumps(
     """The line with a gap wherever it jumps further than `jump`, as wrapped angles do.
 
     Args:
-        time: of the samples [s].
-        values: one per time.
-        jump: in the unit of the values.
+        time: times of the samples [s].
+        values: values, one per time.
+        jump: smallest jump, in the unit of the values.
     """
     with np.errstate(invalid="ignore"):
         after = np.flatnonzero(np.abs(np.diff(values)) > jump) + 1
@@ -107,13 +107,13 @@ def curve(axis: Axes, time: np.ndarray, values: np.ndarray, **line: Any) -> Line
     """Draw a line of few points; a cross marks where the run stopped being finite.
 
     Args:
-        axis: to draw on.
-        time: of the samples [s].
-        values: one per time, NaN where unknown.
+        axis: axes to draw on.
+        time: times of the samples [s].
+        values: values, one per time, NaN where unknown.
         line: properties for Matplotlib.
     """
     keep = keep_extremes(values)
-    (drawn,) = axis.plot(time[keep], values[keep], **line)
+    (artist,) = axis.plot(time[keep], values[keep], **line)
     known = np.flatnonzero(np.isfinite(values))
     if known.size and known[-1] < values.size - 1:
         axis.plot(
@@ -122,10 +122,10 @@ def curve(axis: Axes, time: np.ndarray, values: np.ndarray, **line: Any) -> Line
             marker="x",
             markersize=5,
             linestyle="none",
-            color=drawn.get_color(),
-            zorder=drawn.get_zorder() + 1,
+            color=artist.get_color(),
+            zorder=artist.get_zorder() + 1,
         )
-    return drawn
+    return artist
 
 
 def restlessness(values: np.ndarray) -> float:

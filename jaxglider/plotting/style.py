@@ -1,4 +1,4 @@
-"""How the figures look: colours, line styles and sizes, all handed over explicitly.
+"""Look of the figures: colours, line styles and sizes, all handed over explicitly.
 
 Colours are those of Okabe and Ito, told apart with every kind of colour vision; line
 styles differ too, so that a print in grey still reads.
@@ -24,14 +24,15 @@ INK = "#222222"
 SHADE = "#d9d9d9"
 """Funnels."""
 FAINT = "#8c8c8c"
-"""What the legend explains once for all colours."""
+"""Colour of samples in a legend that stand for lines of all colours."""
 COLUMN = 3.5
 """Width of one journal column [in]."""
 PAGE = 7.16
 """Width of two journal columns [in]."""
 TIME_LABEL = "time (s)"
 _HANDLE, _PAD, _SPACING = 2.2, 0.5, 1.1
-"""Of legends, in font sizes: length of a line, gap to its label, gap to the next."""
+"""Spaces of a legend in font sizes: length of a line, gap to its label, gap to the
+next."""
 
 _RC: dict[Any, Any] = {
     "font.size": 8.0,
@@ -57,10 +58,10 @@ _RC: dict[Any, Any] = {
 
 
 class Style(NamedTuple):
-    """How the lines of one run are drawn.
+    """Style of one run's lines.
 
     Attributes:
-        colour: of its lines.
+        colour: colour of its lines.
         dashes: line style of Matplotlib.
     """
 
@@ -122,8 +123,8 @@ def new_figure(width: float, height: float) -> Figure:
     """An empty figure that needs no display and belongs to no global state.
 
     Args:
-        width: of the figure [in].
-        height: of the figure [in].
+        width: width of the figure [in].
+        height: height of the figure [in].
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
@@ -133,16 +134,21 @@ def new_figure(width: float, height: float) -> Figure:
 def flat(axes: Any, number: int, owner: str) -> list[Axes]:
     """The axes in reading order.
 
+    Args:
+        axes: axes in an array or sequence of any shape.
+        number: number of axes needed.
+        owner: name of the figure, for the message.
+
     Raises:
         ValueError: their number is wrong.
     """
-    found = list(np.ravel(np.asarray(axes, dtype=object)))
-    if len(found) != number:
+    panels = list(np.ravel(np.asarray(axes, dtype=object)))
+    if len(panels) != number:
         raise ValueError(
-            f"{owner} needs {number} axes; received {len(found)}. Make them with "
+            f"{owner} needs {number} axes; received {len(panels)}. Make them with "
             "figure.subplots."
         )
-    return found
+    return panels
 
 
 def label_time(axes: Sequence[Axes], end: float) -> None:
@@ -162,7 +168,7 @@ def legend_above(
 
     Args:
         axis: the legend ends at its right edge and may spread to the left of it.
-        handles: with labels, in reading order.
+        handles: handles with labels, in reading order.
         beside: other axes of the row; the legend rises above the notes on these too.
     """
     size = FontProperties(size=matplotlib.rcParams["legend.fontsize"])
@@ -213,10 +219,10 @@ def off_scale(axis: Axes, low: float, high: float, what: str) -> None:
     """Show a part of the range only, and say above the frame what is not shown.
 
     Args:
-        axis: its vertical range is set.
+        axis: axes whose vertical range is set.
         low: end of the range.
         high: other end.
-        what: is cut off.
+        what: name of the lines that are cut off.
     """
     axis.set_ylim(low, high)
     axis.set_title(what, loc="right", pad=3.0)

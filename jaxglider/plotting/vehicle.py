@@ -40,10 +40,10 @@ def disturbance_estimate(
     The truth is a thin line over the broad one of the estimate.
 
     Args:
-        axes: six, for surge, sway, heave, roll, pitch and yaw.
-        run: of one controller.
-        label: of the controller, for the legend.
-        colour: of the estimate.
+        axes: six axes, for surge, sway, heave, roll, pitch and yaw.
+        run: run of one controller.
+        label: label of the controller, for the legend.
+        colour: colour of the estimate.
     """
     panels = flat(axes, len(_AXES), "disturbance_estimate")
     ticks = active_ticks(run)
@@ -58,9 +58,9 @@ def disturbance_estimate(
     label_time(panels, end_time([run]))
     entry = f"estimate ({label})" if label else "estimate"
     lumped = Line2D([], [], color=INK, lw=_THIN, label="lumped disturbance")
-    drawn = Line2D([], [], color=colour, lw=_BROAD, label=entry)
+    handle = Line2D([], [], color=colour, lw=_BROAD, label=entry)
     legend_above(panels[1], [lumped], beside=panels[:3])
-    legend_above(panels[2], [drawn], beside=panels[:3])
+    legend_above(panels[2], [handle], beside=panels[:3])
     return axes
 
 
@@ -68,9 +68,9 @@ def vehicle_state(axes: Any, run: Trajectory, colour: str = _BLUE) -> Any:
     """The state sheet: position, attitude, velocity, rates, and the flow.
 
     Args:
-        axes: fifteen, five rows of three.
-        run: of one controller.
-        colour: of the lines.
+        axes: fifteen axes, five rows of three.
+        run: run of one controller.
+        colour: colour of the lines.
     """
     panels = flat(axes, STATE_PANELS, "vehicle_state")
     ticks = active_ticks(run)

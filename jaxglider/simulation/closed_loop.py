@@ -1,48 +1,58 @@
 """The closed loop: one control tick.
 
-In each tick: measure, refer, decide (with the disturbance estimate so far), actuate,
-integrate the glider with the command held, observe. Nothing here knows a batch: `vmap`
-over scenario, controller or sea.
+In each tick: measure, refer, decide (with the disturbance estimate so far), judge,
+move (the actuators, and the glider with the command held), observe, add up. Nothing
+here knows a batch: `vmap` over scenario, controller or sea.
 
 Controller, reference and observer see the measured state; metrics and records hold the
 true one.
 """
 
+from typing import Any, NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax import lax
 
-from jaxglider.control.controller import AbstractController, tracking_error
+from jaxglider.control.controller import (
+    AbstractController,
+    ControlRecord,
+    tracking_error,
+)
 from jaxglider.control.funnel import Limits
 from jaxglider.control.observer import AbstractObserver
 from jaxglider.control.performance import Bound
 from jaxglider.core.containers import Scalar, Series
-from jaxglider.core.runge_kutta import RK4, runge_kutta_step
-from jaxglider.environment.water import derivative_in_water
 from jaxglider.signals import (
     BodyAxes,
     Channels,
     Command,
     GliderState,
     Measurement,
-    map_fields,
+    Reference,
     zeros,
 )
 from jaxglider.simulation.metrics import add_tick, empty_sums
+from jaxglider.simulation.motion import integrate, lumped_disturbance
 from jaxglider.simulation.scenario import Scenario
-from jaxglider.simulation.tick import Carry, TickInput, TickPlan, TickRecord, with_start
+from jaxglider.simulation.tick import (
+    Carry,
+    TickInput,
+    TickPlan,
+    TickRecord,
+    hold_when_finished,
+)
 from jaxglider.vehicle.actuators import follow_all
 from jaxglider.vehicle.sensors import measured, with_errors
 
 
 class ClosedLoop(eqx.Module):
-    """A scenario with who steers it.
+    """A scenario with a controller and an observer.
 
     Attributes:
-        scenario: vehicle, sea and task.
-        controller: the law and its gains.
-        observer: the disturbance observer.
+        scenario: vehicle, sea and reference.
+        controller: control law with its gains.
+        observer: disturbance observer.
     """
 
     scenario: Scenario
@@ -50,7 +60,7 @@ class ClosedLoop(eqx.Module):
     observer: AbstractObserver
 
     def init(self) -> Carry:
-        """Everything before the first tick.
+        """Carry before the first tick: no command held, no disturbance estimated.
 
         Roll and pitch start without full turns: metrics count what is turned from then
         on. Laws do not care, see `tracking_error`.
@@ -58,26 +68,31 @@ class ClosedLoop(eqx.Module):
         scenario = self.scenario
         state = scenario.initial_state.unturned()
         return Carry(
-            state,
-            zeros(Command, state.surge),
-            scenario.reference.init(state),
-            self.controller.init(),
-            self.observer.init(state),
-            empty_sums(state.surge),
-            jnp.asarray(False),
-            jnp.asarray(0, jnp.int32),
+            state=state,
+            held=zeros(Command, state.surge),
+            reference=scenario.reference.init(state),
+            controller=self.controller.init(),
+            observer=self.observer.init(state),
+            sums=empty_sums(state.surge),
+            finished=jnp.asarray(False),
+            reached=jnp.asarray(0, jnp.int32),
         )
 
     def inputs(
         self, sea: BodyAxes[Series], noise: dict[str, Series] | None = None
     ) -> TickInput:
-        """The scan's inputs: everything that depends on time alone."""
+        """Inputs of all ticks, on one leading axis.
+
+        Args:
+            sea: τ_d at the n + 1 ends of the n ticks [N, N m], body frame.
+            noise: errors of the sensors there [unit of the state], or None.
+        """
         start, end = (
             jax.tree.map(lambda path, part=part: path[part], (sea, noise))
             for part in (slice(None, -1), slice(1, None))
         )
         plan = self.plan(self.scenario.clock.times()[:-1], *end)
-        return with_start(plan, *start)
+        return TickInput(plan, *start)
 
     def plan(
         self,
@@ -85,12 +100,12 @@ class ClosedLoop(eqx.Module):
         force_end: BodyAxes[Series],
         noise_end: dict[str, Series] | None,
     ) -> TickPlan:
-        """What is known of some ticks beforehand.
+        """The part of some ticks' inputs that depends on time alone.
 
         Args:
-            times: when they start [s].
-            force_end: τ_d at their ends.
-            noise_end: errors of the sensors there, or None.
+            times: starts of the ticks [s].
+            force_end: τ_d at their ends [N, N m], body frame.
+            noise_end: errors of the sensors there [unit of the state], or None.
         """
         scenario = self.scenario
         planned = scenario.reference.plan(times)
@@ -99,134 +114,178 @@ class ClosedLoop(eqx.Module):
             bounds = jax.vmap(self.controller.bounds)(planned.clock)
             if scenario.funnel is not None:
                 judging = jax.vmap(scenario.funnel.bounds)(planned.clock)
-        return TickPlan(times, force_end, planned, bounds, judging, noise_end)
+        return TickPlan(
+            time=times,
+            force_end=force_end,
+            planned=planned,
+            bounds=bounds,
+            judging=judging,
+            noise_end=noise_end,
+        )
 
-    def tick(self, carry: Carry, given: TickInput) -> tuple[Carry, TickRecord]:
-        """One control tick."""
-        scenario, controller = self.scenario, self.controller
-        dt, state = scenario.clock.dt, carry.state
-        estimate = self.observer.estimate(carry.observer)
-        truth = Measurement(state, state.attitude(), carry.held, estimate)
-        measurement = measured(truth, given.noise_start)
-        reference, reference_state = scenario.reference.step(
-            carry.reference, given.planned, measurement, dt
-        )
-        bounds = given.bounds
-        if bounds is None:
-            bounds = controller.bounds(reference.clock)
-        wanted, controller_state, record = controller.step(
-            carry.controller, measurement, reference, bounds, dt
-        )
-        error = record.error
-        if given.noise_start is not None:
-            error, _ = tracking_error(truth, reference)
-        judging, limits = self._judged(bounds, given, reference.clock)
-        applied = follow_all(scenario.actuators, carry.held, wanted, dt, given.time)
-        following = integrate(scenario, state, applied, given)
-        observed = with_errors(following, given.noise_end)
-        observer_state = self.observer.step(
-            carry.observer, measurement, applied, observed, dt
-        )
+    def tick(self, carry: Carry, inputs: TickInput) -> tuple[Carry, TickRecord]:
+        """One control tick.
+
+        Args:
+            carry: state of the loop at the start of the tick.
+            inputs: disturbance, sensor errors and plan of the tick.
+
+        Returns:
+            The state of the loop at its end, and the record of the tick.
+        """
+        truth, measurement = self._measure(carry, inputs)
+        decision = self._decide(carry, inputs, measurement)
+        reference, wanted = decision.reference, decision.wanted
+        judgement = self._judge(inputs, truth, decision)
+        applied, following = self._move(carry, inputs, wanted)
         sums = add_tick(
-            carry.sums, state, error, judging, limits, wanted, applied, carry.held
+            carry.sums,
+            state=carry.state,
+            error=judgement.error,
+            bounds=judgement.bounds,
+            limits=judgement.limits,
+            wanted=wanted,
+            applied=applied,
+            held=carry.held,
         )
         after = Carry(
-            following,
-            applied,
-            reference_state,
-            controller_state,
-            observer_state,
-            sums,
-            reference.finished,
-            _reached(reference.target, reference.finished),
+            state=following,
+            held=applied,
+            reference=decision.reference_state,
+            controller=decision.controller_state,
+            observer=self._observe(carry, inputs, measurement, applied, following),
+            sums=sums,
+            finished=reference.finished,
+            reached=_reached(reference.target, reference.finished),
         )
-        if scenario.reference.can_finish:
+        if self.scenario.reference.can_finish:
             after = hold_when_finished(carry, after)
         return after, TickRecord(
-            given.time,
-            ~reference.finished,
-            state,
-            reference.position,
-            error,
-            limits,
-            record.surface,
-            wanted,
-            applied,
-            estimate,
-            self._lumped(truth, applied, following, given),
-            given.force_start,
-            reference.target,
-            reference.clock,
+            time=inputs.plan.time,
+            active=~reference.finished,
+            state=carry.state,
+            reference=reference.position,
+            error=judgement.error,
+            limits=judgement.limits,
+            surface=decision.record.surface,
+            wanted=wanted,
+            applied=applied,
+            estimate=truth.disturbance,
+            lumped=lumped_disturbance(
+                self.controller.model,
+                truth,
+                applied,
+                following,
+                inputs.force_start,
+                self.scenario.clock.dt,
+            ),
+            disturbance=inputs.force_start,
+            target=reference.target,
+            clock=reference.clock,
         )
 
-    def _judged(
-        self, bounds: Channels[Bound], given: TickInput, clock: Scalar
-    ) -> tuple[Channels[Bound], Channels[Limits]]:
-        """Performance functions and edges of the funnel that errors are judged by."""
-        funnel = self.scenario.funnel
-        if funnel is None:
-            return bounds, self.controller.limits(bounds)
-        judging = funnel.bounds(clock) if given.judging is None else given.judging
-        return judging, funnel.limits(judging)
+    @jax.named_scope("measurement")
+    def _measure(
+        self, carry: Carry, inputs: TickInput
+    ) -> tuple[Measurement, Measurement]:
+        """The measurement of perfect sensors, and that of the scenario's."""
+        truth = Measurement(
+            state=carry.state,
+            attitude=carry.state.attitude(),
+            applied=carry.held,
+            disturbance=self.observer.estimate(carry.observer),
+        )
+        return truth, measured(truth, inputs.noise_start)
 
-    def _lumped(
+    def _decide(
+        self, carry: Carry, inputs: TickInput, measurement: Measurement
+    ) -> "_Decision":
+        """The reference of the tick, and the command of the controller."""
+        dt, plan = self.scenario.clock.dt, inputs.plan
+        with jax.named_scope("guidance"):
+            reference, reference_state = self.scenario.reference.step(
+                carry.reference, plan.planned, measurement, dt
+            )
+        with jax.named_scope("controller"):
+            bounds = plan.bounds
+            if bounds is None:
+                bounds = self.controller.bounds(reference.clock)
+            wanted, controller_state, record = self.controller.step(
+                carry.controller, measurement, reference, bounds, dt
+            )
+        return _Decision(
+            reference=reference,
+            reference_state=reference_state,
+            wanted=wanted,
+            controller_state=controller_state,
+            record=record,
+            bounds=bounds,
+        )
+
+    @jax.named_scope("judgement")
+    def _judge(
+        self, inputs: TickInput, truth: Measurement, decision: "_Decision"
+    ) -> "_Judgement":
+        """The true error, and the funnel that it is judged by."""
+        reference, error = decision.reference, decision.record.error
+        if inputs.noise_start is not None:
+            error, _ = tracking_error(truth, reference)
+        funnel, bounds = self.scenario.funnel, decision.bounds
+        if funnel is None:
+            return _Judgement(error, bounds, self.controller.limits(bounds))
+        judging = inputs.plan.judging
+        if judging is None:
+            judging = funnel.bounds(reference.clock)
+        return _Judgement(error, judging, funnel.limits(judging))
+
+    def _move(
+        self, carry: Carry, inputs: TickInput, wanted: Command[Scalar]
+    ) -> tuple[Command[Scalar], GliderState]:
+        """The command that the actuators hold, and the glider one tick later."""
+        scenario = self.scenario
+        applied = follow_all(
+            scenario.actuators,
+            carry.held,
+            wanted,
+            scenario.clock.dt,
+            inputs.plan.time,
+        )
+        return applied, integrate(scenario, carry.state, applied, inputs)
+
+    @jax.named_scope("observer")
+    def _observe(
         self,
-        truth: Measurement,
+        carry: Carry,
+        inputs: TickInput,
+        measurement: Measurement,
         applied: Command[Scalar],
         following: GliderState,
-        given: TickInput,
-    ) -> BodyAxes[Scalar]:
-        model = self.controller.model
-        if model is None:
-            return given.force_start
-        force = model.force(truth.state, truth.attitude, applied)
-        change = following.velocity() - truth.state.velocity()
-        dt = self.scenario.clock.dt
-        return map_fields(
-            lambda m, c, f: m * c / dt - f, model.parameters.inertia(), change, force
+    ) -> Any:
+        """The next state of the observer."""
+        observed = with_errors(following, inputs.plan.noise_end)
+        return self.observer.step(
+            carry.observer, measurement, applied, observed, self.scenario.clock.dt
         )
+
+
+class _Decision(NamedTuple):
+    """Reference and command of a tick, with the next states of their makers."""
+
+    reference: Reference
+    reference_state: Any
+    wanted: Command[Scalar]
+    controller_state: Any
+    record: ControlRecord
+    bounds: Channels[Bound]
+
+
+class _Judgement(NamedTuple):
+    """True error, performance functions and edges of the funnel it is judged by."""
+
+    error: Channels[Scalar]
+    bounds: Channels[Bound]
+    limits: Channels[Limits]
 
 
 def _reached(target: jax.Array, finished: jax.Array) -> jax.Array:
     return (target + jnp.where(finished, 1, 0)).astype(jnp.int32)
-
-
-def integrate(
-    scenario: Scenario, state: GliderState, applied: Command[Scalar], given: TickInput
-) -> GliderState:
-    """The glider one tick later, the command held, τ_d linear within the tick."""
-    substeps = scenario.clock.substeps
-    slope = given.force_end - given.force_start
-
-    def substep(s: GliderState, number: Scalar) -> tuple[GliderState, None]:
-        def derivative(at: GliderState, node: Scalar) -> GliderState:
-            share = (number + node) / substeps
-            force = map_fields(lambda f, k: f + share * k, given.force_start, slope)
-            if scenario.water is None:
-                return scenario.plant.derivative(at, applied, force)
-            return derivative_in_water(
-                scenario.plant,
-                scenario.water,
-                at,
-                applied,
-                force,
-                given.time + share * scenario.clock.dt,
-            )
-
-        step = scenario.clock.dt / substeps
-        return runge_kutta_step(RK4, derivative, s, step), None
-
-    if substeps == 1:
-        return substep(state, jnp.zeros_like(scenario.clock.dt))[0]
-    numbers = jnp.arange(substeps, dtype=scenario.clock.dt.dtype)
-    return lax.scan(substep, state, numbers)[0]
-
-
-def hold_when_finished(before: Carry, after: Carry) -> Carry:
-    """After the last waypoint everything stays as it is."""
-    held = jax.tree.map(
-        lambda old, new: jnp.where(after.finished, old, new), before, after
-    )
-    return eqx.tree_at(
-        lambda c: (c.finished, c.reached), held, (after.finished, after.reached)
-    )

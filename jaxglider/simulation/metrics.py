@@ -53,7 +53,7 @@ class ChannelMetrics(eqx.Module):
 
     Attributes:
         max_error: max |e| [m or rad].
-        max_error_settled: the same over t* > T; NaN if that was never reached.
+        max_error_settled: max |e| over t* > T alone; NaN if that was never reached.
         rms_error: L2[e] [m or rad].
         rms_effort: L2[U], applied [kg, m or rad].
         chattering: L2[ΔU], applied, per tick [kg, m or rad].
@@ -81,16 +81,17 @@ class ChannelMetrics(eqx.Module):
 
 
 class Metrics(eqx.Module):
-    """What came of a rollout; zeros where it was over before its first tick.
+    """Measures of a whole rollout; zeros where it was over before its first tick.
 
     Attributes:
         channels: measures of each channel.
         end_time: active time [s].
         max_roll: largest |φ| [rad].
         max_pitch: largest |θ| [rad].
-        waypoints_reached: or schedule segments completed.
-        finite: nothing became NaN or infinite.
-        capsized: |φ| exceeded π/2.
+        waypoints_reached: number of waypoints reached, or of schedule segments
+            completed.
+        finite: flag, nothing became NaN or infinite.
+        capsized: flag, |φ| exceeded π/2.
     """
 
     channels: Channels[ChannelMetrics]
@@ -107,11 +108,17 @@ def empty_sums(like: Scalar) -> Sums:
     zero = jnp.zeros_like(like)
     empty = ChannelSums(*(zero,) * 10)
     empty = dataclasses.replace(empty, max_error_settled=zero - 1.0)
-    return Sums(zero, Channels(empty, empty, empty), zero, zero)
+    return Sums(
+        ticks=zero,
+        channels=Channels(empty, empty, empty),
+        max_roll=zero,
+        max_pitch=zero,
+    )
 
 
 def add_tick(
     sums: Sums,
+    *,
     state: GliderState,
     error: Channels[Scalar],
     bounds: Channels[Bound],
@@ -123,8 +130,8 @@ def add_tick(
     """Sums with one more tick.
 
     Args:
-        sums: so far.
-        state: at the start of the tick.
+        sums: sums over the ticks before.
+        state: true state at the start of the tick.
         error: e [m, rad].
         bounds: performance functions.
         limits: edges of the funnel.
@@ -148,16 +155,18 @@ def add_tick(
         # Reciprocals of the limits: often one for all lanes, an error never is.
         nearness = jnp.maximum(e * (1.0 / lim.upper), e * (1.0 / lim.lower))
         return ChannelSums(
-            s.error_squared + e * e,
-            s.effort_squared + u * u,
-            s.change_squared + jnp.where(first, 0.0, u - h) ** 2,
-            jnp.maximum(s.max_error, size),
-            jnp.maximum(s.max_error_settled, jnp.where(b.settled, size, -1.0)),
-            s.outside + jnp.where(outside, 1.0, 0.0),
-            s.saturated + jnp.where(w != u, 1.0, 0.0),
-            jnp.maximum(s.peak, nearness),
-            s.crowding + _crowded(nearness),
-            s.excess + (w - u) ** 2 / (u * u + (w - u) ** 2 + 1e-12),
+            error_squared=s.error_squared + e * e,
+            effort_squared=s.effort_squared + u * u,
+            change_squared=s.change_squared + jnp.where(first, 0.0, u - h) ** 2,
+            max_error=jnp.maximum(s.max_error, size),
+            max_error_settled=jnp.maximum(
+                s.max_error_settled, jnp.where(b.settled, size, -1.0)
+            ),
+            outside=s.outside + jnp.where(outside, 1.0, 0.0),
+            saturated=s.saturated + jnp.where(w != u, 1.0, 0.0),
+            peak=jnp.maximum(s.peak, nearness),
+            crowding=s.crowding + _crowded(nearness),
+            excess=s.excess + (w - u) ** 2 / (u * u + (w - u) ** 2 + 1e-12),
         )
 
     channels = map_fields(
@@ -171,10 +180,10 @@ def add_tick(
         _by_channel(held),
     )
     return Sums(
-        sums.ticks + 1.0,
-        channels,
-        jnp.maximum(sums.max_roll, jnp.abs(state.roll)),
-        jnp.maximum(sums.max_pitch, jnp.abs(state.pitch)),
+        ticks=sums.ticks + 1.0,
+        channels=channels,
+        max_roll=jnp.maximum(sums.max_roll, jnp.abs(state.roll)),
+        max_pitch=jnp.maximum(sums.max_pitch, jnp.abs(state.pitch)),
     )
 
 
@@ -187,8 +196,8 @@ def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Me
     """Metrics from the sums of a whole rollout.
 
     Args:
-        sums: over all active ticks.
-        state: at the end.
+        sums: sums over all active ticks.
+        state: state at the end.
         reached: waypoints reached or segments completed.
         dt: tick [s].
     """
@@ -197,16 +206,18 @@ def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Me
 
     def close(s: ChannelSums) -> ChannelMetrics:
         return ChannelMetrics(
-            s.max_error,
-            jnp.where(s.max_error_settled < 0.0, jnp.nan, s.max_error_settled),
-            square_root(s.error_squared / n),
-            square_root(s.effort_squared / n),
-            square_root(s.change_squared / n),
-            s.outside / n,
-            s.saturated / n,
-            s.peak,
-            s.crowding / n,
-            s.excess / n,
+            max_error=s.max_error,
+            max_error_settled=jnp.where(
+                s.max_error_settled < 0.0, jnp.nan, s.max_error_settled
+            ),
+            rms_error=square_root(s.error_squared / n),
+            rms_effort=square_root(s.effort_squared / n),
+            chattering=square_root(s.change_squared / n),
+            time_outside_funnel=s.outside / n,
+            time_saturated=s.saturated / n,
+            funnel_peak=s.peak,
+            funnel_crowding=s.crowding / n,
+            saturation_excess=s.excess / n,
         )
 
     leaves = jax.tree.leaves((sums, state))
@@ -214,13 +225,13 @@ def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Me
     for leaf in leaves:
         finite = finite & jnp.isfinite(leaf)
     return Metrics(
-        map_fields(close, sums.channels),
-        sums.ticks * dt,
-        sums.max_roll,
-        sums.max_pitch,
-        reached,
-        finite,
-        ~(sums.max_roll <= 0.5 * jnp.pi),
+        channels=map_fields(close, sums.channels),
+        end_time=sums.ticks * dt,
+        max_roll=sums.max_roll,
+        max_pitch=sums.max_pitch,
+        waypoints_reached=reached,
+        finite=finite,
+        capsized=~(sums.max_roll <= 0.5 * jnp.pi),
     )
 
 

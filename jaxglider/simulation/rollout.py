@@ -16,7 +16,7 @@ from jaxglider.core.numerics import scale_gradient
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics, finish
-from jaxglider.simulation.tick import Carry, TickInput, TickPlan, TickRecord, with_start
+from jaxglider.simulation.tick import Carry, TickInput, TickPlan, TickRecord
 
 
 class Trajectory(eqx.Module):
@@ -24,7 +24,7 @@ class Trajectory(eqx.Module):
 
     Attributes:
         ticks: records with a leading time axis.
-        metrics: its measures.
+        metrics: measures of performance of the whole run.
     """
 
     ticks: TickRecord
@@ -51,7 +51,7 @@ def roll(
         sea: the realised disturbance.
         noise: the realised errors of the sensors, or None.
         tick: `loop.tick`, or a function around it that chooses what is kept.
-        checkpoint_every: see `evaluate`.
+        checkpoint_every: ticks from one kept state to the next; see `evaluate`.
 
     Returns:
         The metrics, and what each tick has kept, stacked.
@@ -72,8 +72,8 @@ def roll(
 
     def step(carry: Any, end: TickPlan) -> Any:
         inner, (force, errors) = carry
-        after, kept = tick(inner, with_start(end, force, errors))
-        return (after, (end.force_end, end.noise_end)), kept
+        after, outputs = tick(inner, TickInput(end, force, errors))
+        return (after, (end.force_end, end.noise_end)), outputs
 
     def through(carry: Any, part: Any) -> Any:
         return lax.scan(step, carry, loop.plan(*part))
@@ -81,16 +81,16 @@ def roll(
     start = (loop.init(), first)
     known = (loop.scenario.clock.times()[:-1], *ends)
     if checkpoint_every == 1:
-        (last, _), kept = through(start, known)
+        (last, _), outputs = through(start, known)
     else:
         parts = jax.tree.map(
             lambda x: x.reshape(-1, checkpoint_every, *x.shape[1:]), known
         )
         again = jax.checkpoint(through, prevent_cse=False)
-        (last, _), kept = lax.scan(again, start, parts)
-        kept = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), kept)
+        (last, _), outputs = lax.scan(again, start, parts)
+        outputs = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), outputs)
     metrics = finish(last.sums, last.state, last.reached, loop.scenario.clock.dt)
-    return metrics, kept
+    return metrics, outputs
 
 
 def sparse_checkpoints(ticks: int) -> int:
@@ -135,7 +135,7 @@ def evaluate(
     recomputes the others, at the price of a rollout (`sparse_checkpoints`).
 
     Where a loop oscillates, the exact derivative of a long run grows by orders of
-    magnitude with its horizon and foretells nothing. With a gradient memory τ the
+    magnitude with its horizon and predicts nothing. With a gradient memory τ the
     influence of what was t seconds ago is weighed by e^(−t/τ): a biased derivative, a
     far better guide, and the exact one for τ = ∞. Values do not change.
 
@@ -151,12 +151,12 @@ def evaluate(
     """
 
     @partial(jax.checkpoint, prevent_cse=False)
-    def tick(carry: Carry, given: TickInput) -> tuple[Carry, None]:
+    def tick(carry: Carry, inputs: TickInput) -> tuple[Carry, None]:
         if gradient_memory is not None:
             carry = _forgetting(
                 carry, jnp.exp(-loop.scenario.clock.dt / gradient_memory)
             )
-        return loop.tick(carry, given)[0], None
+        return loop.tick(carry, inputs)[0], None
 
     return roll(loop, sea, noise, tick, checkpoint_every=checkpoint_every)[0]
 

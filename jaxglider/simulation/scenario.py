@@ -1,4 +1,4 @@
-"""Who glides where under what: everything of a run but the controller."""
+"""Scenario: everything of a run but its controller."""
 
 import math
 from collections.abc import Mapping
@@ -52,6 +52,11 @@ class Clock(Container):
     def lasting(cls, duration: float, dt: float = 0.05, substeps: int = 1) -> "Clock":
         """A clock for a duration [s], a whole number of ticks (rounded up).
 
+        Args:
+            duration: length of the run [s].
+            dt: control tick [s].
+            substeps: integration steps per tick.
+
         Raises:
             ValueError: a number is not positive, or the run has too many ticks.
         """
@@ -79,12 +84,12 @@ class Scenario(Container):
         clock: tick and horizon.
         plant: the true glider.
         actuators: the true actuators.
-        disturbance: the law of the sea.
+        disturbance: external forces of the sea.
         reference: the task.
-        initial_state: where the glider starts.
+        initial_state: state of the glider at time zero.
         sensors: errors of the measurement by the name of the state, or None for none.
-        funnel: what errors are judged by, whoever steers; None for the controller's
-            own. Give one to compare controllers: each could widen its own.
+        funnel: funnel that errors are judged by, whoever steers; None for the
+            controller's own. Give one to compare controllers: each could widen its own.
         water: currents and density, or None for water at rest, the same at every depth.
 
     Raises:
@@ -104,10 +109,12 @@ class Scenario(Container):
     def __check_init__(self) -> None:
         check_sensors(self.sensors)
 
+    @jax.named_scope("disturbance")
     def sea(self, key: jax.Array) -> BodyAxes[Series]:
         """The disturbance realised at every tick [N, N m]; see `disturbances`."""
         return self.disturbance.realise(key, self.clock.times())
 
+    @jax.named_scope("sensor_errors")
     def noise(self, key: jax.Array) -> dict[str, Series] | None:
         """The sensors' errors realised at every tick, or None without sensors."""
         if self.sensors is None:

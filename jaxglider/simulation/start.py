@@ -1,4 +1,4 @@
-"""What is odd about the start of a run."""
+"""Warnings about the start of a run."""
 
 import jax
 import jax.numpy as jnp
@@ -6,28 +6,28 @@ import jax.numpy as jnp
 from jaxglider.control import tracking_error
 from jaxglider.control.funnel import Limits
 from jaxglider.core.containers import Scalar
-from jaxglider.signals import Channels, Measurement
+from jaxglider.signals import CHANNELS, Channels, Measurement
 from jaxglider.simulation.closed_loop import ClosedLoop
 
 
 def start_warnings(loop: ClosedLoop) -> list[str]:
-    """What is odd about the start: a course that is over, errors outside the funnel."""
+    """Warnings about the start: a course that is over, errors outside the funnel."""
     error, limits, finished = jax.jit(_start)(loop)
     if bool(finished):
         return [
             "nothing is flown: the last waypoint is reached where the glider starts. "
             "Move the waypoint or the start, or make its radius smaller."
         ]
-    found = []
-    for channel in ("depth", "pitch", "heading"):
+    warnings = []
+    for channel in CHANNELS:
         e, edge = getattr(error, channel), getattr(limits, channel)
         if not bool((e > edge.lower) & (e < edge.upper)):
-            found.append(
+            warnings.append(
                 f"the {channel} error starts at {float(e):.4g}, outside its funnel "
                 f"({float(edge.lower):.4g}, {float(edge.upper):.4g}): the run goes on, "
                 "but the prescribed performance is not guaranteed."
             )
-    return found
+    return warnings
 
 
 def _start(loop: ClosedLoop) -> tuple[Channels[Scalar], Channels[Limits], jax.Array]:
@@ -37,7 +37,10 @@ def _start(loop: ClosedLoop) -> tuple[Channels[Scalar], Channels[Limits], jax.Ar
     planned = scenario.reference.plan(jnp.zeros_like(scenario.clock.dt)[None])
     carry = loop.init()
     measurement = Measurement(
-        state, state.attitude(), carry.held, loop.observer.estimate(carry.observer)
+        state=state,
+        attitude=state.attitude(),
+        applied=carry.held,
+        disturbance=loop.observer.estimate(carry.observer),
     )
     first = jax.tree.map(lambda x: x[0], planned)
     reference, _ = scenario.reference.step(

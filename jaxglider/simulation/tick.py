@@ -1,9 +1,10 @@
-"""What goes into one control tick, and the glider's own part of it."""
+"""Data of one control tick: its input, its carry and its record."""
 
 from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 
 from jaxglider.control.funnel import Limits
 from jaxglider.control.performance import Bound
@@ -13,7 +14,18 @@ from jaxglider.simulation.metrics import Sums
 
 
 class Carry(eqx.Module):
-    """What one tick hands to the next."""
+    """State of the closed loop between two ticks.
+
+    Attributes:
+        state: true state of the glider.
+        held: command held by the actuators.
+        reference: state of the reference.
+        controller: state of the controller.
+        observer: state of the observer.
+        sums: running sums of the metrics.
+        finished: flag, the mission is over.
+        reached: number of waypoints reached or of segments completed.
+    """
 
     state: GliderState
     held: Command[Scalar]
@@ -26,16 +38,17 @@ class Carry(eqx.Module):
 
 
 class TickPlan(eqx.Module):
-    """What is known of a tick before the rollout starts; built for many at once.
+    """The part of a tick's input known before the rollout; built for many at once.
 
     Attributes:
         time: start of the tick [s].
-        force_end: τ_d at its end.
-        planned: the reference's plan.
-        bounds: the controller's performance functions, or None where the clock is not
-            known beforehand.
-        judging: those of the scenario's funnel, if it has one; None likewise.
-        noise_end: errors of the sensors at its end, or None.
+        force_end: τ_d at its end [N, N m], body frame.
+        planned: plan of the reference.
+        bounds: performance functions of the controller, or None where the clock of the
+            funnel is not known beforehand.
+        judging: performance functions of the scenario's funnel; None where it has no
+            funnel or the clock is not known beforehand.
+        noise_end: errors of the sensors at its end [unit of the state], or None.
     """
 
     time: jax.Array
@@ -46,45 +59,39 @@ class TickPlan(eqx.Module):
     noise_end: dict[str, jax.Array] | None
 
 
-class TickInput(TickPlan):
-    """The same with what is known at the end of the tick before.
+class TickInput(eqx.Module):
+    """Input of one tick: its plan, and values handed on from the end of the last one.
 
     Attributes:
-        force_start: τ_d at the start of the tick.
-        noise_start: errors of the sensors there, or None.
+        plan: the part known before the rollout.
+        force_start: τ_d at the start of the tick [N, N m], body frame.
+        noise_start: errors of the sensors there [unit of the state], or None.
     """
 
+    plan: TickPlan
     force_start: BodyAxes[jax.Array]
     noise_start: dict[str, jax.Array] | None
 
 
-def with_start(
-    plan: TickPlan,
-    force: BodyAxes[jax.Array],
-    noise: dict[str, jax.Array] | None,
-) -> TickInput:
-    """A plan with τ_d and the errors of the sensors at the start of its ticks."""
-    return TickInput(**vars(plan), force_start=force, noise_start=noise)
-
-
 class TickRecord(eqx.Module):
-    """One tick as it was; a trajectory is this with a leading time axis.
+    """Record of one tick; a trajectory is this with a leading time axis.
 
     Attributes:
         time: start of the tick [s].
-        active: the mission was still on.
-        state: at the start of the tick.
+        active: flag, the mission was still on.
+        state: true state at the start of the tick.
         reference: η_d [m, rad].
-        error: η − η_d [m, rad].
+        error: η − η_d [m, rad], heading wrapped to [−π, π).
         limits: edges of the funnel [m, rad].
-        surface: the controller's sliding variable.
-        wanted: command asked for.
-        applied: command held.
-        estimate: d̂ at the start of the tick [N, N m].
-        lumped: what d̂ should be [N, N m]: the mean over the tick of what the design
-            model leaves unexplained (the disturbance itself without a design model).
-        disturbance: τ_d at the start of the tick [N, N m].
-        target: waypoint or segment being followed.
+        surface: sliding variable of the controller.
+        wanted: command of the controller [kg, m, rad].
+        applied: command held by the actuators during the tick [kg, m, rad].
+        estimate: d̂ at the start of the tick [N, N m], body frame.
+        lumped: d, the true value of d̂ [N, N m]: mean over the tick of the force that
+            the design model leaves unexplained (the disturbance itself without a
+            design model).
+        disturbance: τ_d at the start of the tick [N, N m], body frame.
+        target: number of the waypoint or segment being followed.
         clock: t*, time since the funnel's restart [s].
     """
 
@@ -102,3 +109,18 @@ class TickRecord(eqx.Module):
     disturbance: BodyAxes[Scalar]
     target: jax.Array
     clock: Scalar
+
+
+def hold_when_finished(before: Carry, after: Carry) -> Carry:
+    """The carry of the next tick, which stays as it is after the last waypoint.
+
+    Args:
+        before: carry at the start of the tick.
+        after: carry at its end, had the mission gone on.
+    """
+    held = jax.tree.map(
+        lambda old, new: jnp.where(after.finished, old, new), before, after
+    )
+    return eqx.tree_at(
+        lambda c: (c.finished, c.reached), held, (after.finished, after.reached)
+    )

@@ -42,7 +42,7 @@ def linearise(plant: AbstractPlant, motion: SteadyMotion) -> Linear:
 
     Args:
         plant: the glider.
-        motion: about which.
+        motion: steady motion to linearise about.
     """
 
     def rate(at: Array) -> Array:

@@ -5,12 +5,11 @@ import dataclasses
 import numpy as np
 import scipy.linalg
 
+from jaxglider.signals import CHANNELS
 from jaxglider.trim.linear_model import STATES
 
 LATERAL = ("roll", "heading", "sway", "roll_rate", "yaw_rate")
 """States that a glider in the vertical plane does not leave at zero."""
-
-OUTPUTS = ("depth", "pitch", "heading")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,7 +19,7 @@ class Mode:
     Attributes:
         eigenvalue: λ [1/s]; of a pair, the one with the positive imaginary part.
         lateral: share of it in the lateral states, from 0 to 1.
-        reach: for each input at its limit, |wᴴ b| with the left eigenvector w scaled to
+        reach: |wᴴ b| for each input at its limit, with the left eigenvector w scaled to
             the unit right one: how fast a jump of the input sets the mode off.
         distance: smallest singular value of [A − λ, B]: how far from uncontrollable.
     """
@@ -31,23 +30,24 @@ class Mode:
     distance: float
 
     def time_constant(self) -> float:
-        """In which it grows or decays by e [s]."""
+        """Time in which it grows or decays by the factor e [s]."""
         real = self.eigenvalue.real
         return float("inf") if real == 0.0 else 1.0 / abs(real)
 
     def period(self) -> float | None:
-        """Of its oscillation [s], or None."""
+        """Period of its oscillation [s], or None."""
         turning = abs(self.eigenvalue.imag)
         return 2 * np.pi / turning if turning > 0.0 else None
 
 
 @dataclasses.dataclass(frozen=True)
 class Analysis:
-    """What a linearised glider does by itself and what its commands can do.
+    """Natural motions of a linearised glider, and the reach of its commands.
 
     Attributes:
-        modes: slowest first; depth and heading by themselves, which rest, left out.
-        rank: of the controllability matrix, by the test of each eigenvalue.
+        modes: modes, slowest first; depth and heading by themselves, which rest, left
+            out.
+        rank: rank of the controllability matrix, by the test of each eigenvalue.
         order: rank at which everything is controllable.
     """
 
@@ -64,9 +64,9 @@ def analyse(a: np.ndarray, b: np.ndarray, limits: np.ndarray) -> Analysis:
     """Modes and controllability.
 
     Args:
-        a: of `linearise`.
-        b: of `linearise`.
-        limits: of the three inputs [kg, m, rad].
+        a: A of `linearise`.
+        b: B of `linearise`.
+        limits: limits of the three inputs [kg, m, rad].
     """
     a, b = np.asarray(a, float), np.asarray(b, float) * np.asarray(limits, float)
     moving = [i for i, name in enumerate(STATES) if name not in ("depth", "heading")]
@@ -81,10 +81,10 @@ def analyse(a: np.ndarray, b: np.ndarray, limits: np.ndarray) -> Analysis:
         share = np.sum(np.abs(right[sideways, n]) ** 2)
         modes.append(
             Mode(
-                complex(values[n]),
-                float(share / np.sum(np.abs(right[:, n]) ** 2)),
-                tuple(np.abs(left[:, n].conj() @ driven / scale).tolist()),
-                _distance(inner, driven, values[n]),
+                eigenvalue=complex(values[n]),
+                lateral=float(share / np.sum(np.abs(right[:, n]) ** 2)),
+                reach=tuple(np.abs(left[:, n].conj() @ driven / scale).tolist()),
+                distance=_distance(inner, driven, values[n]),
             )
         )
     return Analysis(tuple(modes), _rank(a, b), len(a))
@@ -109,14 +109,18 @@ def transmission_zeros(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
     The finite s for which [[A − s, B], [C, 0]] is singular, with depth, pitch and
     heading as outputs.
+
+    Args:
+        a: A of `linearise`.
+        b: B of `linearise`.
     """
-    outputs = [STATES.index(name) for name in OUTPUTS]
+    outputs = [STATES.index(name) for name in CHANNELS]
     n, m = b.shape
     whole = np.block([[a, b], [np.eye(n)[outputs], np.zeros((m, m))]])
     shifted = np.zeros_like(whole)
     shifted[:n, :n] = np.eye(n)
-    found = scipy.linalg.eig(whole, shifted, right=False)
-    finite = found[np.isfinite(found) & (np.abs(found) < 1e4)]
+    eigenvalues = scipy.linalg.eig(whole, shifted, right=False)
+    finite = eigenvalues[np.isfinite(eigenvalues) & (np.abs(eigenvalues) < 1e4)]
     return finite[np.argsort(-finite.real)]
 
 
@@ -129,15 +133,15 @@ def zero_dynamics(
     what starts with y = y' = 0 there.
 
     Args:
-        a: of `linearise`.
-        b: of `linearise`.
+        a: A of `linearise`.
+        b: B of `linearise`.
         start: a state; what the outputs would move with is projected out.
-        times: when [s], evenly spaced.
+        times: evenly spaced times [s].
 
     Returns:
         One row a time.
     """
-    c = np.eye(len(a))[[STATES.index(name) for name in OUTPUTS]]
+    c = np.eye(len(a))[[STATES.index(name) for name in CHANNELS]]
     lifted = np.vstack([c, c @ a])
     held = a - b @ np.linalg.solve(c @ a @ b, c @ a @ a)
     x = start - np.linalg.pinv(lifted) @ lifted @ start

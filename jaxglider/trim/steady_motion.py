@@ -34,7 +34,7 @@ def _maybe() -> Any:
 
 
 class Target(Container):
-    """What a steady motion is to be like: one of each pair of fields.
+    """Wanted properties of a steady motion: one of each pair of fields.
 
     Attributes:
         buoyancy_mass: m_b [kg], or else
@@ -63,11 +63,11 @@ class Target(Container):
             ("mass_position", "glide_angle"),
             ("mass_angle", "turn_rate", "turn_radius"),
         ):
-            given = [name for name in choice if getattr(self, name) is not None]
-            if len(given) != 1:
+            names = [name for name in choice if getattr(self, name) is not None]
+            if len(names) != 1:
                 raise ValueError(
                     f"Target needs exactly one of {', '.join(choice)}; received "
-                    f"{' and '.join(given) if given else 'none of them'}."
+                    f"{' and '.join(names) if names else 'none of them'}."
                 )
 
     @classmethod
@@ -84,11 +84,12 @@ class SteadyMotion(eqx.Module):
     """A steady motion and how well it is met.
 
     Attributes:
-        state: at the origin with heading zero.
-        command: that holds it.
+        state: state at the origin with heading zero.
+        command: command that holds it [kg, m, rad].
         turn_rate: ω [rad/s].
         residual: largest acceleration left over [m/s², rad/s²].
-        converged: whether that is next to nothing, the glider moving forward upright.
+        converged: flag, the residual is next to nothing and the glider moves forward
+            upright.
     """
 
     state: GliderState
@@ -148,10 +149,10 @@ def steady_motion(plant: AbstractPlant, target: Target) -> SteadyMotion:
         lambda x: _newton(lambda y: _residual(fixed, wanted, y), x),
         _starts(fixed, wanted),
     )
-    found = jax.vmap(_describe)(ends, left)
-    slant = jnp.abs(jax.vmap(SteadyMotion.angle_of_attack)(found))
-    slant += jnp.abs(jax.vmap(SteadyMotion.sideslip)(found))
-    best = jnp.argmin(jnp.where(found.converged, slant, jnp.inf))
+    motions = jax.vmap(_describe)(ends, left)
+    slant = jnp.abs(jax.vmap(SteadyMotion.angle_of_attack)(motions))
+    slant += jnp.abs(jax.vmap(SteadyMotion.sideslip)(motions))
+    best = jnp.argmin(jnp.where(motions.converged, slant, jnp.inf))
     root = lax.custom_root(
         lambda y: _residual(plant, target, y),
         ends[best],
@@ -184,14 +185,26 @@ def _describe(x: Float[Array, "9"], left: Scalar) -> SteadyMotion:
     exact = left < jnp.finfo(x.dtype).eps ** 0.6
     forward = (state.surge > 0.0) & (jnp.cos(state.roll) > 0.0)
     forward &= jnp.abs(state.pitch) < 0.5 * math.pi
-    return SteadyMotion(state, command, omega, left, exact & forward)
+    return SteadyMotion(
+        state=state,
+        command=command,
+        turn_rate=omega,
+        residual=left,
+        converged=exact & forward,
+    )
 
 
 def _residual(plant: AbstractPlant, target: Target, x: Array) -> Array:
     """Accelerations, and by how much the target is missed."""
     state, command, omega = _unpack(x)
     rate = plant.derivative(state, command, zeros(BodyAxes, x[0]))
-    motion = SteadyMotion(state, command, omega, x[0], jnp.asarray(True))
+    motion = SteadyMotion(
+        state=state,
+        command=command,
+        turn_rate=omega,
+        residual=x[0],
+        converged=jnp.asarray(True),
+    )
     missed = []
     if target.speed is not None:
         missed.append(motion.speed() - target.speed)
@@ -231,11 +244,11 @@ def _newton(
         x, value, slope = carry
         move = jnp.linalg.solve(slope, value)
         shares = 0.5 ** jnp.arange(_HALVINGS, dtype=x.dtype)
-        tried = jnp.concatenate([x - shares[:, None] * move, x[None]])
-        slopes, values = lax.map(jax.jacfwd(with_value, has_aux=True), tried)
+        candidates = jnp.concatenate([x - shares[:, None] * move, x[None]])
+        slopes, values = lax.map(jax.jacfwd(with_value, has_aux=True), candidates)
         size = jnp.linalg.norm(values, axis=1)
         best = jnp.argmin(jnp.where(jnp.isfinite(size), size, jnp.inf))
-        return (tried[best], values[best], slopes[best]), None
+        return (candidates[best], values[best], slopes[best]), None
 
     # With no value yet the first step goes nowhere.
     carry = (x, jnp.zeros_like(x), jnp.eye(x.size, dtype=x.dtype))

@@ -1,1 +1,1 @@
-"""What differs between members, how it is distributed, where members lie."""
+"""Uncertain quantities, their distributions, and samplers of members."""

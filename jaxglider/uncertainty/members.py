@@ -1,4 +1,4 @@
-"""What is uncertain of a scenario, how it is distributed, and the members drawn.
+"""Uncertain quantities of a scenario, their distributions, and members drawn.
 
 An uncertain quantity is one number of a scenario, named by its path, with a
 distribution for its factor on the nominal value, its offset from it, or itself. A
@@ -32,7 +32,7 @@ class Member(eqx.Module):
     """One glider in one sea; an ensemble is this with a leading axis.
 
     Attributes:
-        values: of the uncertain quantities, by their paths in the scenario.
+        values: values of the uncertain quantities, by their paths in the scenario.
         key: data of the key for what is left to chance within the run.
     """
 
@@ -45,10 +45,10 @@ class Quantity:
     """One uncertain number: value = offset + scale · x, x from the distribution.
 
     Attributes:
-        name: for tables and files.
-        path: in the scenario, as `plant.parameters.drag`.
-        unit: of the value.
-        distribution: of x.
+        name: name in tables and files.
+        path: path in the scenario, as `plant.parameters.drag`.
+        unit: unit of the value.
+        distribution: distribution of x.
         scale: the nominal value where x is a factor on it, else 1.
         offset: the nominal value where x is added to it, else 0.
     """
@@ -65,7 +65,7 @@ class Quantity:
         return self.offset + self.scale * self.distribution.quantile(u)
 
     def standard_deviation(self) -> float:
-        """Of the value."""
+        """Standard deviation of the value."""
         return abs(self.scale) * self.distribution.standard_deviation()
 
 
@@ -74,9 +74,9 @@ class Group:
     """Quantities that are correlated through a Gaussian copula.
 
     Attributes:
-        name: of the group.
+        name: name of the group.
         members: names of its quantities.
-        correlation: of their normal scores.
+        correlation: correlation matrix of their normal scores.
     """
 
     name: str
@@ -90,8 +90,8 @@ class Uncertainty:
 
     Attributes:
         scenario: the nominal one; it has a place for every quantity.
-        quantities: in the order of the coordinates.
-        groups: of correlated quantities; no quantity is in two.
+        quantities: uncertain quantities in the order of the coordinates.
+        groups: groups of correlated quantities; no quantity is in two.
 
     Raises:
         ValueError: a path leads nowhere, a name occurs twice, or a correlation is none.
@@ -121,32 +121,32 @@ class Uncertainty:
 
     def has_chance(self) -> bool:
         """Whether anything is left to chance within a run: noise of sea or sensors."""
-        laws = jax.tree.leaves(
+        parts = jax.tree.leaves(
             self.scenario.disturbance, is_leaf=lambda x: isinstance(x, GaussMarkov)
         )
-        noisy = any(isinstance(law, GaussMarkov) for law in laws)
+        noisy = any(isinstance(part, GaussMarkov) for part in parts)
         return noisy or self.scenario.sensors is not None
 
     def values(self, coordinates: np.ndarray) -> np.ndarray:
         """Values of the quantities, one row a member.
 
         Args:
-            coordinates: in (0, 1), one row a member, one column a quantity.
+            coordinates: coordinates in (0, 1), one row a member, one column a quantity.
         """
         u = np.array(coordinates, np.float64)
         names = self.names()
         for group in self.groups:
             columns = [names.index(name) for name in group.members]
             u[:, columns] = correlated(u[:, columns], np.array(group.correlation))
-        made = [q.values(u[:, j].copy()) for j, q in enumerate(self.quantities)]
-        return np.stack(made, axis=1) if made else np.empty((len(u), 0))
+        values = [q.values(u[:, j].copy()) for j, q in enumerate(self.quantities)]
+        return np.stack(values, axis=1) if values else np.empty((len(u), 0))
 
     def members(self, values: np.ndarray, keys: jax.Array) -> Member:
         """An ensemble, in the precision of the scenario.
 
         Args:
-            values: of the quantities, one row a member.
-            keys: one for each member.
+            values: values of the quantities, one row a member.
+            keys: random keys, one for each member.
         """
         kind = self.scenario.clock.dt.dtype
         columns = {
@@ -168,6 +168,10 @@ def with_member(
     """The closed loop of one member, its sea, and the errors of its sensors.
 
     They are the arguments of `simulate` and `evaluate`.
+
+    Args:
+        loop: closed loop.
+        member: values of the uncertain quantities and a random key.
     """
     scenario = loop.scenario
     if member.values:
@@ -183,23 +187,27 @@ def with_member(
 
 
 def look_up(scenario: Scenario, path: str) -> Any:
-    """What a path leads to: fields, keys and numbers, separated by dots.
+    """The end of a path: fields, keys and numbers, separated by dots.
+
+    Args:
+        scenario: scenario that the path begins in.
+        path: dotted path, as `plant.parameters.drag`.
 
     Raises:
         ValueError: it leads nowhere.
     """
-    found: Any = scenario
+    place: Any = scenario
     for part in path.split("."):
         try:
-            if isinstance(found, Mapping):
-                found = found[part]
-            elif isinstance(found, Sequence):
-                found = found[int(part)]
+            if isinstance(place, Mapping):
+                place = place[part]
+            elif isinstance(place, Sequence):
+                place = place[int(part)]
             else:
-                found = getattr(found, part)
+                place = getattr(place, part)
         except (AttributeError, IndexError, KeyError, ValueError):
             raise ValueError(
                 f"{path} is no number of this scenario: there is no {part!r} in "
-                f"{type(found).__name__}."
+                f"{type(place).__name__}."
             ) from None
-    return found
+    return place

@@ -21,20 +21,27 @@ from jaxglider.vehicle.parameters import UNCERTAIN
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 
 
-def relative(scenario: Scenario, name: str, law: AbstractDistribution) -> Quantity:
+def relative(scenario: Scenario, name: str, factor: AbstractDistribution) -> Quantity:
     """A parameter of the glider with a distribution for its factor on the nominal.
+
+    Args:
+        scenario: scenario with the nominal value.
+        name: name of the parameter.
+        factor: distribution of the factor.
 
     Raises:
         ValueError: there is no such parameter, or the factor is not always positive.
     """
     path = f"plant.parameters.{name}"
-    if law.support()[0] <= 0.0:
+    if factor.support()[0] <= 0.0:
         raise ValueError(
             f"{name}: the factor on the nominal value must stay positive; its "
-            f"smallest is {law.support()[0]:g}. Narrow its distribution."
+            f"smallest is {factor.support()[0]:g}. Narrow its distribution."
         )
     nominal = float(look_up(scenario, path))
-    return Quantity(name, path, _units()[name], law, scale=nominal)
+    return Quantity(
+        name=name, path=path, unit=_units()[name], distribution=factor, scale=nominal
+    )
 
 
 def waves(
@@ -45,14 +52,16 @@ def waves(
     """Amplitudes and phases of every sinusoid of the sea, each axis by itself.
 
     Args:
-        scenario: its disturbance holds the sinusoids.
-        amplitude: of the factor on the nominal amplitude, or None for nominal.
-        phase: of what is added to the nominal phase [rad], or None for nominal.
+        scenario: scenario whose disturbance holds the sinusoids.
+        amplitude: distribution of the factor on the nominal amplitude, or None for
+            nominal.
+        phase: distribution of the angle added to the nominal phase [rad], or None for
+            nominal.
     """
-    found = list(_sinusoids(scenario.disturbance, "disturbance"))
+    sinusoids = list(_sinusoids(scenario.disturbance, "disturbance"))
     quantities = []
-    for number, (path, sinusoid) in enumerate(found, 1):
-        wave = "wave" if len(found) == 1 else f"wave{number}"
+    for number, (path, sinusoid) in enumerate(sinusoids, 1):
+        wave = "wave" if len(sinusoids) == 1 else f"wave{number}"
         for axis in AXES:
             nominal = float(getattr(sinusoid.amplitude, axis))
             if nominal == 0.0:
@@ -62,14 +71,24 @@ def waves(
                 place = f"{path}.amplitude.{axis}"
                 quantities.append(
                     Quantity(
-                        f"{wave}_amplitude_{axis}", place, force, amplitude, nominal
+                        name=f"{wave}_amplitude_{axis}",
+                        path=place,
+                        unit=force,
+                        distribution=amplitude,
+                        scale=nominal,
                     )
                 )
             if phase is not None:
                 place, old = f"{path}.phase.{axis}", getattr(sinusoid.phase, axis)
                 name = f"{wave}_phase_{axis}"
                 quantities.append(
-                    Quantity(name, place, "rad", phase, offset=float(old))
+                    Quantity(
+                        name=name,
+                        path=place,
+                        unit="rad",
+                        distribution=phase,
+                        offset=float(old),
+                    )
                 )
     return quantities
 
@@ -106,7 +125,7 @@ def uniform_uncertainty(
         scenario: the nominal one.
         parameters: half width of masses, inertias and hydrodynamic coefficients,
             uniform, relative, in [0, 1).
-        amplitude: half width of the waves' amplitudes, likewise; their phases are then
+        amplitude: half width of the waves' amplitudes, relative; their phases are then
             uniform on the circle. Zero leaves the waves alone.
         position: half width of the starting position north and east [m], uniform.
 
@@ -120,8 +139,8 @@ def uniform_uncertainty(
         raise ValueError(f"position must be zero or positive; received {position}.")
     quantities: list[Quantity] = []
     if parameters > 0.0:
-        law = Uniform(1.0 - parameters, 1.0 + parameters)
-        quantities += [relative(scenario, name, law) for name in UNCERTAIN]
+        scatter = Uniform(1.0 - parameters, 1.0 + parameters)
+        quantities += [relative(scenario, name, scatter) for name in UNCERTAIN]
     if amplitude > 0.0:
         factor = Uniform(1.0 - amplitude, 1.0 + amplitude)
         quantities += waves(scenario, factor, Uniform(-np.pi, np.pi))
@@ -131,6 +150,12 @@ def uniform_uncertainty(
             start = float(getattr(scenario.initial_state, name))
             path = f"initial_state.{name}"
             quantities.append(
-                Quantity(f"initial_{name}", path, "m", reach, offset=start)
+                Quantity(
+                    name=f"initial_{name}",
+                    path=path,
+                    unit="m",
+                    distribution=reach,
+                    offset=start,
+                )
             )
     return Uncertainty(scenario, tuple(quantities))

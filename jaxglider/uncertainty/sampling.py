@@ -43,8 +43,8 @@ class MonteCarlo(AbstractSampler):
     Adding a quantity or changing the order moves no other one.
 
     Attributes:
-        seed: in [0, 2³²).
-        names: of the columns.
+        seed: seed in [0, 2³²).
+        names: names of the columns.
         stream: sets of members with another stream share none, whatever the seed.
     """
 
@@ -71,8 +71,8 @@ class SobolSequence(AbstractSampler):
     """The Sobol sequence, scrambled; best where the members are a power of two.
 
     Attributes:
-        seed: of the scrambling.
-        columns: how many.
+        seed: seed of the scrambling.
+        columns: number of columns.
     """
 
     seed: int
@@ -98,8 +98,8 @@ class LatinHypercube(AbstractSampler):
     All N rows are made at once and kept: 8 bytes for each member and column.
 
     Attributes:
-        seed: of slices and places within them.
-        columns: how many.
+        seed: seed of the slices and of the places within them.
+        columns: number of columns.
         members: N.
     """
 

@@ -1,6 +1,7 @@
 """Actuators: saturation always; rate limit, lag and failure where given."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Container, Scalar, as_float, check_interval
@@ -12,12 +13,12 @@ NEVER = 1e9
 
 
 class Failure(Container):
-    """How an actuator fails: it grows weak, or gets stuck, at a time.
+    """Failure of an actuator: it grows weak, or gets stuck, at a time.
 
     Attributes:
-        weak_from: from here on it reaches a share of its command only [s].
-        effectiveness: that share, in [0, 1].
-        stuck_from: from here on it stays where it is [s].
+        weak_from: time from which the actuator reaches only a share of its command [s].
+        effectiveness: share of the command that a weak actuator reaches, in [0, 1].
+        stuck_from: time from which the actuator stays where it is [s].
 
     Raises:
         ValueError: the effectiveness is outside [0, 1], or a number is not finite.
@@ -39,11 +40,11 @@ class Failure(Container):
         )
 
     def reached(self, target: Scalar, time: Scalar | float) -> Scalar:
-        """What a weak actuator makes of its command."""
+        """Target that a weak actuator reaches [kg, m or rad]."""
         return jnp.where(time >= self.weak_from, self.effectiveness * target, target)
 
     def kept(self, held: Scalar, moved: Scalar, time: Scalar | float) -> Scalar:
-        """Where a stuck actuator is."""
+        """Position of an actuator that may be stuck [kg, m or rad]."""
         return jnp.where(time >= self.stuck_from, held, moved)
 
 
@@ -56,7 +57,7 @@ class Actuator(Container):
         limit: largest modulus of the position [kg, m or rad].
         rate_limit: largest modulus of its rate [1/s of that], or None for no limit.
         time_constant: τ [s] of the first-order lag, or None for no lag.
-        failure: how it fails, or None for never.
+        failure: way of failing, or None for never.
 
     Raises:
         ValueError: a number is not positive.
@@ -77,10 +78,10 @@ class Actuator(Container):
         """The position one tick later.
 
         Args:
-            held: position now.
-            wanted: command.
+            held: position now [kg, m or rad].
+            wanted: command of the controller [kg, m or rad].
             dt: tick [s].
-            time: now [s]; only a failure asks for it.
+            time: present time [s]; only a failure asks for it.
         """
         target = saturate(wanted, self.limit)
         if self.failure is not None:
@@ -95,6 +96,7 @@ class Actuator(Container):
         return target
 
 
+@jax.named_scope("actuators")
 def follow_all(
     actuators: Command[Actuator],
     held: Command[Scalar],
@@ -102,5 +104,16 @@ def follow_all(
     dt: Scalar,
     time: Scalar | float = 0.0,
 ) -> Command[Scalar]:
-    """`Actuator.follow` for each of the three."""
+    """`Actuator.follow` for each of the three.
+
+    Args:
+        actuators: actuators.
+        held: positions now [kg, m, rad].
+        wanted: command of the controller [kg, m, rad].
+        dt: tick [s].
+        time: present time [s]; only a failure asks for it.
+
+    Returns:
+        Positions one tick later [kg, m, rad].
+    """
     return map_fields(lambda h, w, a: a.follow(h, w, dt, time), held, wanted, actuators)

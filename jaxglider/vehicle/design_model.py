@@ -1,4 +1,4 @@
-"""What controller and observer believe: η'' = f + g U + h d, control-affine.
+"""Design model of controller and observer: η'' = f + g U + h d, control-affine.
 
 Source: Yang and Mahmoudian, compact form of the equations of motion. f = J' ν +
 J M⁻¹(Cν + Dν + E), g = J M⁻¹ B, h = J M⁻¹, with the parameters the designer has, and
@@ -8,6 +8,7 @@ Deviation: the control law prints d̂ where h d̂ is meant, d̂ having six compo
 """
 
 import equinox as eqx
+import jax
 
 from jaxglider.core.containers import Scalar
 from jaxglider.core.numerics import solve_symmetric
@@ -58,7 +59,7 @@ class InputGain(eqx.Module):
 
         Args:
             demand: wanted g U [m/s², rad/s²].
-            damping: one positive number per actuator.
+            damping: damping, one positive number per actuator.
         """
         g00 = self.depth_buoyancy
         g10, g11, g12 = self.pitch_buoyancy, self.pitch_position, self.pitch_angle
@@ -85,7 +86,7 @@ class DesignModel(eqx.Module):
     """The control-affine model inside a controller or an observer.
 
     Attributes:
-        parameters: what the designer believes; usually not the truth.
+        parameters: parameters as the designer believes them; usually not the truth.
         actuation: family of moving-mass moments, in its control-affine form.
     """
 
@@ -108,6 +109,7 @@ class DesignModel(eqx.Module):
         b = self.actuation.effectiveness(self.parameters, a, command.mass_angle)
         return self.free_force(state, a) + b.wrench(command)
 
+    @jax.named_scope("drift")
     def drift(self, measurement: Measurement) -> Channels[Scalar]:
         """f + h d̂: output acceleration [m/s², rad/s²] with the command at zero."""
         s, a = measurement.state, measurement.attitude
@@ -124,6 +126,7 @@ class DesignModel(eqx.Module):
             curvature.heading + heading,
         )
 
+    @jax.named_scope("input_gain")
     def input_gain(self, measurement: Measurement) -> InputGain:
         """g at the measured attitude and the mass angle last applied."""
         a = measurement.attitude

@@ -14,7 +14,8 @@ out, as in the source; their new place counts from the tick on.
 
 import dataclasses
 
-from jaxglider.core import rotations as frames
+import jax
+
 from jaxglider.core.containers import Scalar
 from jaxglider.core.numerics import barrier, solve_symmetric
 from jaxglider.core.rotations import Attitude
@@ -24,7 +25,7 @@ from jaxglider.vehicle.hydrodynamics import flow_frame_hydrodynamics
 from jaxglider.vehicle.mass_matrix import MassMatrix, mass_matrix
 from jaxglider.vehicle.moving_mass import BallastedActuation
 from jaxglider.vehicle.parameters import BodyParameters, GliderParameters, VehicleData
-from jaxglider.vehicle.plant import AbstractPlant
+from jaxglider.vehicle.plant import AbstractPlant, kinematics
 
 
 class FullPlant(AbstractPlant):
@@ -32,7 +33,7 @@ class FullPlant(AbstractPlant):
 
     Attributes:
         parameters: masses, inertias and coefficients, the sums as for small angles.
-        body: where the masses are.
+        body: places of the masses.
     """
 
     parameters: GliderParameters
@@ -55,8 +56,7 @@ class FullPlant(AbstractPlant):
             + disturbance
         )
         return GliderState(
-            *frames.body_to_ned(a, state.surge, state.sway, state.heave),
-            *frames.euler_rates(a, state.roll_rate, state.pitch_rate, state.yaw_rate),
+            *kinematics(state, a),
             *accelerate(mass, force).fields(),
         )
 
@@ -81,8 +81,14 @@ class FullPlant(AbstractPlant):
         )
 
 
+@jax.named_scope("momentum_transport")
 def momentum_transport(mass: MassMatrix, nu: BodyAxes[Scalar]) -> BodyAxes[Scalar]:
-    """(P × ω, K × ω + P × v): what turning axes do to momentum; it does no work."""
+    """(P × ω, K × ω + P × v): what turning axes do to momentum; it does no work.
+
+    Args:
+        mass: mass matrix.
+        nu: ν, body velocity [m/s, rad/s].
+    """
     m = mass
     u, v, w, p, q, r = nu.fields()
     p1 = barrier(m.surge * u + m.c01 * q + m.c02 * r)
@@ -101,10 +107,21 @@ def momentum_transport(mass: MassMatrix, nu: BodyAxes[Scalar]) -> BodyAxes[Scala
     )
 
 
+@jax.named_scope("weight")
 def weight(
     gravity: Scalar, mass: MassMatrix, a: Attitude, buoyancy_mass: Scalar
 ) -> BodyAxes[Scalar]:
-    """Weight less buoyancy [N], and the moment of the weight [N m] about its centre."""
+    """Weight less buoyancy [N], and the moment of the weight [N m] about its centre.
+
+    Args:
+        gravity: g [m/s²].
+        mass: mass matrix, with the first moments of the mass.
+        a: attitude of the glider.
+        buoyancy_mass: m_b [kg].
+
+    Returns:
+        Force and moment, body frame.
+    """
     x = -gravity * a.sin_pitch
     y = gravity * a.cos_pitch * a.sin_roll
     z = gravity * a.cos_pitch * a.cos_roll
@@ -118,8 +135,14 @@ def weight(
     )
 
 
+@jax.named_scope("acceleration")
 def accelerate(mass: MassMatrix, force: BodyAxes[Scalar]) -> BodyAxes[Scalar]:
-    """M⁻¹ (force, moment) in closed form, through J − Cᵀ diag(m)⁻¹ C."""
+    """M⁻¹ (force, moment) in closed form, through J − Cᵀ diag(m)⁻¹ C.
+
+    Args:
+        mass: mass matrix.
+        force: force [N] and moment [N m], body frame.
+    """
     m = mass
     f1, f2, f3 = force.surge, force.sway, force.heave
     d1, d2, d3 = barrier(1.0 / m.surge), barrier(1.0 / m.sway), barrier(1.0 / m.heave)

@@ -19,6 +19,7 @@ angles of attack and sideslip may do work of either sign, a glider that is throw
 swings round, and moved broadside (u = 0) small angles know no force at all.
 """
 
+import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Scalar
@@ -28,12 +29,17 @@ from jaxglider.signals import BodyAxes
 from jaxglider.vehicle.parameters import GliderParameters
 
 
+@jax.named_scope("coriolis")
 def coriolis(
     parameters: GliderParameters, velocity: BodyAxes[Scalar]
 ) -> BodyAxes[Scalar]:
     """C(ν)ν: Coriolis and centripetal force [N] and moment [N m], body frame.
 
     It does no work: ν · C(ν)ν = 0.
+
+    Args:
+        parameters: masses and inertias.
+        velocity: ν, body velocity through the water [m/s, rad/s].
     """
     m1, m2, m3 = parameters.surge_mass, parameters.sway_mass, parameters.heave_mass
     i1, i2 = parameters.roll_inertia, parameters.pitch_inertia
@@ -50,10 +56,16 @@ def coriolis(
     )
 
 
+@jax.named_scope("hydrodynamics")
 def hydrodynamics(
     parameters: GliderParameters, velocity: BodyAxes[Scalar]
 ) -> BodyAxes[Scalar]:
-    """D(ν)ν: drag, lift, side force [N] and their moments [N m], body frame."""
+    """D(ν)ν: drag, lift, side force [N] and their moments [N m], body frame.
+
+    Args:
+        parameters: hydrodynamic coefficients.
+        velocity: ν, body velocity through the water [m/s, rad/s].
+    """
     c = parameters
     u, v, w = velocity.surge, velocity.sway, velocity.heave
     p, q, r = velocity.roll, velocity.pitch, velocity.yaw
@@ -75,6 +87,7 @@ SLOWEST = 1e-6
 """Speed [m/s] below which the flow has no direction: its frame is singular at rest."""
 
 
+@jax.named_scope("hydrodynamics")
 def flow_frame_hydrodynamics(
     parameters: GliderParameters, induced_drag: Scalar, velocity: BodyAxes[Scalar]
 ) -> BodyAxes[Scalar]:
@@ -83,6 +96,11 @@ def flow_frame_hydrodynamics(
     D = (K_D0 + K_D α²) V², SF = K_β β V², L = (K_L0 + K_L α) V², T₁ = (K_MR β + K_p p)
     V², T₂ = (K_M0 + K_M α + K_q q) V², T₃ = (K_MY β + K_r r) V²; α = atan2(w, u),
     β = asin(v/V), R from the frame of the flow to that of the body; p and r as `_met`.
+
+    Args:
+        parameters: hydrodynamic coefficients.
+        induced_drag: K_D [kg/m/rad²].
+        velocity: ν, body velocity through the water [m/s, rad/s].
     """
     c = parameters
     u, v, w = velocity.surge, velocity.sway, velocity.heave

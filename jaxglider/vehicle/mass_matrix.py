@@ -6,6 +6,7 @@ and turns about it, and ballast. Origin: centre of buoyancy.
 """
 
 import equinox as eqx
+import jax
 
 from jaxglider.core.containers import Scalar
 from jaxglider.core.numerics import barrier, sincos
@@ -21,20 +22,20 @@ class MassMatrix(eqx.Module):
         sway: m₂ [kg].
         heave: m₃ [kg].
         c01: C of surge and pitch [kg m].
-        c02: of surge and yaw.
-        c10: of sway and roll.
-        c12: of sway and yaw.
-        c20: of heave and roll.
-        c21: of heave and pitch.
+        c02: C of surge and yaw [kg m].
+        c10: C of sway and roll [kg m].
+        c12: C of sway and yaw [kg m].
+        c20: C of heave and roll [kg m].
+        c21: C of heave and pitch [kg m].
         j00: J of roll [kg m²].
-        j11: of pitch.
-        j22: of yaw.
-        j01: of roll and pitch.
-        j02: of roll and yaw.
-        j12: of pitch and yaw.
+        j11: J of pitch [kg m²].
+        j22: J of yaw [kg m²].
+        j01: J of roll and pitch [kg m²].
+        j02: J of roll and yaw [kg m²].
+        j12: J of pitch and yaw [kg m²].
         ahead: first moment of the mass along x [kg m]; its weight turns the glider.
-        aside: along y.
-        below: along z.
+        aside: first moment of the mass along y [kg m].
+        below: first moment of the mass along z [kg m].
     """
 
     surge: Scalar
@@ -57,6 +58,7 @@ class MassMatrix(eqx.Module):
     below: Scalar
 
 
+@jax.named_scope("mass_matrix")
 def mass_matrix(
     parameters: GliderParameters, body: BodyParameters, command: Command[Scalar]
 ) -> MassMatrix:
@@ -64,6 +66,11 @@ def mass_matrix(
 
     The moving mass is at (x_p + r_p1, R_p sin γ, R_p cos γ) and its inertia is turned
     with it. The published γ turns the other way.
+
+    Args:
+        parameters: masses and inertias.
+        body: places of the masses.
+        command: command held by the actuators [kg, m, rad].
     """
     sine, cosine = sincos(command.mass_angle)
     mh, xh, zh = body.hull_mass, body.hull_ahead, body.hull_below

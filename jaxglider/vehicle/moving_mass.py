@@ -1,4 +1,4 @@
-"""What buoyancy engine and moving mass do to the glider: B(η, γ) U + E(η).
+"""Force and moment of buoyancy engine and moving mass: B(η, γ) U + E(η).
 
 Source: Yang and Mahmoudian, Eqs. for B and E, with Assumption 2 for the series in γ:
 sin γ = γ S(γ), cos γ = 1 + γ C(γ), S = 1 − γ²/6 + γ⁴/120, C = −γ/2 + γ³/24.
@@ -17,6 +17,7 @@ Deviations from the printed equations, needed by both:
 from abc import abstractmethod
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Scalar
@@ -60,14 +61,15 @@ class Effectiveness(eqx.Module):
         )
 
 
+@jax.named_scope("restoring_moment")
 def restoring(
     parameters: GliderParameters, a: Attitude, hull_moment: Scalar | float = 0.0
 ) -> BodyAxes[Scalar]:
     """E(η): the moment [N m] of the moving mass at rest, hanging below the axis.
 
     Args:
-        parameters: of the glider.
-        a: its attitude.
+        parameters: parameters of the glider.
+        a: attitude of the glider.
         hull_moment: m_h z_h [kg m] of a hull that hangs below the axis too.
     """
     weight_arm = parameters.gravity * (
@@ -115,7 +117,13 @@ class AbstractActuation(eqx.Module):
     def effectiveness(
         self, parameters: GliderParameters, a: Attitude, gamma: Scalar
     ) -> Effectiveness:
-        """B(η, γ): the control-affine form that a design model works with."""
+        """B(η, γ): the control-affine form that a design model works with.
+
+        Args:
+            parameters: parameters of the glider.
+            a: attitude of the glider.
+            gamma: γ [rad] that B is evaluated at.
+        """
 
     def restoring(self, parameters: GliderParameters, a: Attitude) -> BodyAxes[Scalar]:
         """E(η): the moment [N m] of everything at rest."""
@@ -125,7 +133,13 @@ class AbstractActuation(eqx.Module):
     def wrench(
         self, parameters: GliderParameters, a: Attitude, command: Command[Scalar]
     ) -> BodyAxes[Scalar]:
-        """What the true glider feels from its actuators, B U + E [N, N m]."""
+        """Force and moment of the actuators on the true glider, B U + E [N, N m].
+
+        Args:
+            parameters: parameters of the glider.
+            a: attitude of the glider.
+            command: command held by the actuators [kg, m, rad].
+        """
 
 
 class PrintedActuation(AbstractActuation):
@@ -137,6 +151,7 @@ class PrintedActuation(AbstractActuation):
         """B(η, γ) as printed."""
         return _effectiveness(parameters, a, gamma, row4_sign=-1.0)
 
+    @jax.named_scope("actuator_wrench")
     def wrench(
         self, parameters: GliderParameters, a: Attitude, command: Command[Scalar]
     ) -> BodyAxes[Scalar]:
@@ -157,6 +172,7 @@ class RigidBodyActuation(AbstractActuation):
         """The same moment in control-affine form, to the accuracy of the series."""
         return _effectiveness(parameters, a, gamma, row4_sign=1.0)
 
+    @jax.named_scope("actuator_wrench")
     def wrench(
         self, parameters: GliderParameters, a: Attitude, command: Command[Scalar]
     ) -> BodyAxes[Scalar]:
@@ -198,6 +214,7 @@ class BallastedActuation(AbstractActuation):
         """E(η) with the hull's share."""
         return restoring(parameters, a, self.hull_moment)
 
+    @jax.named_scope("actuator_wrench")
     def wrench(
         self, parameters: GliderParameters, a: Attitude, command: Command[Scalar]
     ) -> BodyAxes[Scalar]:

@@ -103,7 +103,7 @@ class GliderParameters(Container):
         )
 
     def scaled(self, factor: float | Scalar) -> "GliderParameters":
-        """What a designer believes who is wrong by one factor everywhere.
+        """Parameters of a designer who is wrong by one factor everywhere.
 
         The paper's "20 % uncertainty" is read as: masses, inertias and hydrodynamic
         coefficients of the design model are `factor` times the true ones; moving mass,
@@ -125,7 +125,7 @@ UNCERTAIN = tuple(
 
 
 class BodyParameters(Container):
-    """Where the masses are, and the coefficients that small angles do not need.
+    """Places of the masses, and the coefficients that small angles do not need.
 
     `GliderParameters` has the sums: m₁ is the mass of hull, moving mass, ballast and
     water carried along in surge, I₁ the inertia of hull and water in roll. This says
@@ -135,13 +135,14 @@ class BodyParameters(Container):
         hull_mass: m_h [kg].
         ballast_mass: m_0 [kg], of the ballast in neutral buoyancy, with its engine.
         hull_ahead: x of the hull's centre of mass [m].
-        hull_below: its z [m].
+        hull_below: z of the hull's centre of mass [m].
         moving_ahead: x of the moving mass [m] for r_p1 = 0.
-        moving_roll_inertia: of the moving mass about its own centre [kg m²].
-        moving_pitch_inertia: likewise, for γ = 0.
-        moving_yaw_inertia: likewise.
-        sway_yaw_coupling: added mass between sway and yaw [kg m].
-        heave_pitch_coupling: between heave and pitch [kg m].
+        moving_roll_inertia: roll inertia of the moving mass about its own centre [kg
+            m²].
+        moving_pitch_inertia: pitch inertia of the moving mass for γ = 0 [kg m²].
+        moving_yaw_inertia: yaw inertia of the moving mass for γ = 0 [kg m²].
+        sway_yaw_coupling: coupling of sway and yaw by added mass [kg m].
+        heave_pitch_coupling: coupling of heave and pitch by added mass [kg m].
         induced_drag: K_D [kg/m/rad²].
 
     Raises:
@@ -182,11 +183,12 @@ class VehicleData:
     """A vehicle as published.
 
     Attributes:
-        name: of the vehicle.
-        parameters: of the small-angle equations.
-        limits: of its actuators.
-        body: what the full equations need besides, or None if the file does not say.
-        doubts: what is doubtful about the numbers, by their keys.
+        name: name of the vehicle.
+        parameters: parameters of the small-angle equations.
+        limits: limits of its actuators [kg, m, rad].
+        body: places of the masses, which the full equations need besides, or None if
+            the file does not say.
+        doubts: doubts about the numbers, by their keys.
     """
 
     name: str

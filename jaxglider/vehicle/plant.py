@@ -7,6 +7,7 @@ gives Z, θ and ψ; X, Y and φ are needed too).
 from abc import abstractmethod
 
 import equinox as eqx
+import jax
 
 from jaxglider.core import rotations as frames
 from jaxglider.core.containers import Scalar
@@ -42,7 +43,7 @@ class AbstractPlant(eqx.Module):
 
         Args:
             state: NED position, Euler angles, body velocity.
-            command: what the actuators hold.
+            command: command held by the actuators [kg, m, rad].
             disturbance: τ_d, external force [N] and moment [N m], body frame.
         """
 
@@ -52,7 +53,23 @@ class AbstractPlant(eqx.Module):
 
     @abstractmethod
     def model(self) -> DesignModel:
-        """What a designer who knows this glider exactly would design with."""
+        """Design model of a designer who knows this glider exactly."""
+
+
+@jax.named_scope("kinematics")
+def kinematics(
+    state: GliderState, a: Attitude
+) -> tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]:
+    """J(η) ν: rates of the position in NED [m/s] and of the Euler angles [rad/s].
+
+    Args:
+        state: attitude [rad] and body velocity [m/s, rad/s].
+        a: sines and cosines of the attitude.
+    """
+    return (
+        *frames.body_to_ned(a, state.surge, state.sway, state.heave),
+        *frames.euler_rates(a, state.roll_rate, state.pitch_rate, state.yaw_rate),
+    )
 
 
 class SmallAnglePlant(AbstractPlant):
@@ -89,8 +106,7 @@ class SmallAnglePlant(AbstractPlant):
             self.force(state, a, command) + disturbance
         ) / self.parameters.inertia()
         return GliderState(
-            *frames.body_to_ned(a, state.surge, state.sway, state.heave),
-            *frames.euler_rates(a, state.roll_rate, state.pitch_rate, state.yaw_rate),
+            *kinematics(state, a),
             *acceleration.fields(),
         )
 

@@ -45,7 +45,7 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
 
     Args:
         data: parsed TOML.
-        source: where it is from, for messages.
+        source: origin of the text, for messages.
 
     Raises:
         ValueError: unknown or missing parameter, or a bad value.
@@ -56,11 +56,11 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
     values = {key: _values(data, key, kind, source) for key, kind in tables.items()}
     try:
         return VehicleData(
-            str(data.get("name", source)),
-            GliderParameters(**values["parameters"]),
-            Command(**values["limits"]),
-            BodyParameters(**values["body"]) if "body" in values else None,
-            _doubts(data, tables),
+            name=str(data.get("name", source)),
+            parameters=GliderParameters(**values["parameters"]),
+            limits=Command(**values["limits"]),
+            body=BodyParameters(**values["body"]) if "body" in values else None,
+            doubts=_doubts(data, tables),
         )
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from error
@@ -85,7 +85,7 @@ def vehicle_text(name_or_path: str | Path) -> str:
 
 
 def _doubts(data: dict[str, Any], tables: Iterable[str]) -> dict[str, str]:
-    """What the file says is doubtful, by key."""
+    """Doubts that the file expresses, by key."""
     return {
         f"{table}.{key}": str(entry["doubt"])
         for table in tables

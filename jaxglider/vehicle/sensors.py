@@ -22,7 +22,7 @@ from jaxglider.core.containers import (
 from jaxglider.signals import GliderState, Measurement
 
 STATES = tuple(field.name for field in dataclasses.fields(GliderState))
-"""What can be measured: the fields of the state."""
+"""Names of the states, each of which can be measured."""
 
 
 class Sensor(Container):
@@ -60,7 +60,13 @@ def check_sensors(sensors: Mapping[str, Sensor] | None) -> None:
 def realise_errors(
     sensors: Mapping[str, Sensor], key: jax.Array, times: Series
 ) -> dict[str, Series]:
-    """The error of each sensor at each of the times; every sensor has its own key."""
+    """The error of each sensor at each of the times; every sensor has its own key.
+
+    Args:
+        sensors: sensors by the names of their states.
+        key: random key.
+        times: times of measurement [s].
+    """
     return {
         name: sensor.bias
         + sensor.noise
@@ -70,15 +76,30 @@ def realise_errors(
 
 
 def with_errors(state: GliderState, errors: Mapping[str, Scalar] | None) -> GliderState:
-    """The state as the sensors give it; itself without any errors."""
+    """The state as the sensors give it; itself without any errors.
+
+    Args:
+        state: true state.
+        errors: errors by the names of the states, in their units, or None.
+    """
     return dataclasses.replace(
         state, **{name: getattr(state, name) + e for name, e in (errors or {}).items()}
     )
 
 
 def measured(truth: Measurement, errors: Mapping[str, Scalar] | None) -> Measurement:
-    """What is known of the glider where its sensors have errors."""
+    """The measurement of a glider whose sensors have errors.
+
+    Args:
+        truth: measurement of perfect sensors.
+        errors: errors by the names of the states, in their units, or None.
+    """
     if errors is None:
         return truth
     state = with_errors(truth.state, errors)
-    return Measurement(state, state.attitude(), truth.applied, truth.disturbance)
+    return Measurement(
+        state=state,
+        attitude=state.attitude(),
+        applied=truth.applied,
+        disturbance=truth.disturbance,
+    )

@@ -1,4 +1,4 @@
-"""How far the gradient of each gain can be trusted, asked from Python."""
+"""Trust in the gradient of each gain, asked from Python."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -39,11 +39,11 @@ SHARES = (0.25, 0.5, 1.0)
 
 @dataclasses.dataclass(frozen=True)
 class GradientCheck:
-    """What a check of the gradient found.
+    """Result of a check of the gradient.
 
     Attributes:
         report: reverse mode against central differences, gain by gain.
-        comparisons: how the gradient changes with the horizon and with the smoothing
+        comparisons: changes of the gradient with the horizon and with the smoothing
             width; empty for a short check.
     """
 

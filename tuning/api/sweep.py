@@ -38,7 +38,7 @@ from tuning.reporting.output_folder import writing_to
 
 @dataclasses.dataclass(frozen=True)
 class SweepResult:
-    """What a campaign came to.
+    """Result of a campaign.
 
     Attributes:
         campaign: campaign that was run.
@@ -280,7 +280,7 @@ def _campaign(
 
 
 def _gain_set(name: str, loop: ClosedLoop) -> GainSet:
-    """What the manifest keeps of a loop: its gains, if its law has a name in files."""
+    """Entry of the manifest for a loop: its gains, if its law has a name in files."""
     try:
         return GainSet(name, "Python", encode_law(loop))
     except ValueError:

@@ -45,7 +45,7 @@ from tuning.space.coordinates import K1_BELOW_K2
 
 @dataclasses.dataclass(frozen=True)
 class TuneResult:
-    """What tuning came to.
+    """Result of tuning.
 
     Attributes:
         problem: problem that was solved.
@@ -231,11 +231,11 @@ def tune(
         objective: weight of each term of the objective.
         cost: cost function of metrics and of those at the start, instead of the
             weighted terms.
-        aggregate: how the costs of members become one; the mean by default.
+        aggregate: mean, CVaR or soft worst of the members' costs; the mean by default.
         constraints: names of the coupled constraints that are held.
         gradient_memory: memory of the gradient [s]; None for the exact one.
         steps: number of steps, a short way to set `settings`.
-        settings: how to descend; its seed is replaced by `seed`.
+        settings: settings of the descent; its seed is replaced by `seed`.
         method: search without gradients instead, on the same budget.
         title: name of what is flown, for reports.
         out: folder for a checkpoint after every step and for all results.
@@ -289,7 +289,7 @@ def solve(
 
     Args:
         spec: problem to solve.
-        settings: how to descend.
+        settings: settings of the descent.
         method: search without gradients instead, on the budget of the descent.
         out: folder for a checkpoint after every step, or None.
         resume: whether to go on from the checkpoint in `out`.

@@ -34,7 +34,7 @@ from tuning.reporting.output_folder import writing_to
 
 @dataclasses.dataclass(frozen=True)
 class Execution:
-    """Which part of a campaign is run, and what becomes of an older one.
+    """Part of a campaign to run, and the fate of an older one.
 
     Attributes:
         shard: number of the part, from 1, and number of parts.
@@ -62,7 +62,7 @@ def execute(
         campaign: campaign to run.
         folder: folder of its rows and results.
         execution: part to run, and what becomes of an older campaign.
-        conclusions: what is drawn from the rows.
+        conclusions: choice of the report and of the sensitivities.
         progress: line that shows how far it is.
 
     Returns:
@@ -152,8 +152,8 @@ def execute_on_hosts(
         campaign: campaign to run, the same on every host.
         folder: folder of the whole campaign.
         host: number of this host, from 0, and number of hosts.
-        execution: what becomes of an older campaign.
-        conclusions: what is drawn from the rows.
+        execution: part of the campaign to run, and fate of an older one.
+        conclusions: choice of the report and of the sensitivities.
         progress: line that shows how far it is.
 
     Returns:

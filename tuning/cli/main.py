@@ -22,8 +22,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run a command and return its exit code.
 
     Args:
-        arguments: of the command line; those of the process by default, which then
-            ends at once if it is interrupted.
+        arguments: words of the command line; those of the process by default, which
+            then ends at once if it is interrupted.
     """
     code = _run(arguments)
     if code == INTERRUPTED and arguments is None:

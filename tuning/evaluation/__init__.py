@@ -1,1 +1,1 @@
-"""What came of it: runs, held-out verdicts and their reports."""
+"""Results: runs, held-out verdicts and their reports."""

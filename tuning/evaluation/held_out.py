@@ -7,10 +7,10 @@ import jax
 import numpy as np
 
 from jaxglider.files.results import metrics_dict
+from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from tuning.problem.members import nominal_member
-from tuning.problem.objective import CHANNELS
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.statistics import student_half_width
 
@@ -41,7 +41,7 @@ class PairedMeans:
 
 @dataclasses.dataclass(frozen=True)
 class Counts:
-    """How many of some members met with trouble.
+    """Numbers of members that met with trouble.
 
     Attributes:
         members: number of members.
@@ -60,7 +60,7 @@ class Counts:
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """What tuning came to; every table has the keys `before` and `after`.
+    """Result of tuning; every table has the keys `before` and `after`.
 
     Attributes:
         nominal: metrics of the nominal case as plain numbers.
@@ -82,7 +82,7 @@ class Verdict:
 
 
 class Judge:
-    """What a loop is worth on the nominal case and on the held-out test members."""
+    """Judge of a loop on the nominal case and on the held-out test members."""
 
     def __init__(self, problem: TuningProblem) -> None:
         self._problem, self._run = problem, problem.on_members()
@@ -137,7 +137,9 @@ def paired_means(before: np.ndarray, after: np.ndarray) -> PairedMeans:
     usable = np.isfinite(before) & np.isfinite(after)
     old, new = before[usable].astype(float), after[usable].astype(float)
     if not len(old):
-        return PairedMeans(0, None, None, 0, None, None)
+        return PairedMeans(
+            pairs=0, before=None, after=None, better=0, difference=None, interval=None
+        )
     difference = new - old
     interval = None
     if len(old) > 1:

@@ -1,4 +1,4 @@
-"""What tuning came to: before against after, on members it never saw."""
+"""Report of tuning: before against after, on members it never saw."""
 
 import csv
 import io
@@ -13,15 +13,14 @@ from jaxglider.control import FxTPPC
 from jaxglider.files.writing import replacing, write_text
 from jaxglider.plotting import errors
 from jaxglider.plotting.style import look
+from jaxglider.signals import CHANNEL_UNITS, CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory
 from tuning.evaluation.held_out import MEASURES
-from tuning.problem.objective import CHANNELS
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.tables import figure, outcome
 from tuning.search.settings import Step
 
-_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
 _HELD_OUT = "The figures are of test members that neither descent nor choice has seen."
 _SAME = "The figures are of the one case tuned on: nothing is held out."
 
@@ -39,7 +38,7 @@ def text_report(result: dict[str, Any]) -> str:
         + "".join(f"{m:>22}" for m in MEASURES.values())
         + f"{'better':>10}",
     ]
-    for channel, unit in _UNITS.items():
+    for channel, unit in CHANNEL_UNITS.items():
         cells = ""
         for measure in MEASURES:
             row = result["held_out"][channel][measure]
@@ -122,9 +121,9 @@ def write_tuning_report(
             "gains.png": gains_figure(problem, history),
             "errors.png": errors_figure(runs),
         }
-        for name, drawn in figures.items():
+        for name, figure in figures.items():
             with replacing(out / name) as temporary:
-                drawn.savefig(temporary, dpi=150)
+                figure.savefig(temporary, dpi=150)
     settling = _settling_table(tuned, runs)
     write_text(out / "report.md", _markdown(result, settling))
 
@@ -143,19 +142,19 @@ def draw_objective(axes: Axes, history: list[Step]) -> Axes:
         axes: axes to draw on.
         history: steps of the search.
     """
-    taken = [s for s in history if not s.refused]
+    steps = [s for s in history if not s.refused]
     refused = [s for s in history if s.refused]
-    numbers = [s.number for s in taken]
-    axes.plot(numbers, [s.loss for s in taken], color="#0072B2", label="training")
+    numbers = [s.number for s in steps]
+    axes.plot(numbers, [s.loss for s in steps], color="#0072B2", label="training")
     axes.plot(
         numbers,
-        [s.validation for s in taken],
+        [s.validation for s in steps],
         color="#D55E00",
         ls="--",
         label="validation",
     )
     top = max(
-        np.nanmax([s.loss for s in taken]), np.nanmax([s.validation for s in taken])
+        np.nanmax([s.loss for s in steps]), np.nanmax([s.validation for s in steps])
     )
     if refused:
         axes.plot(
@@ -188,10 +187,10 @@ def draw_gains(axes: Axes, problem: TuningProblem, history: list[Step]) -> Axes:
         problem: problem that was solved.
         history: steps of the search.
     """
-    taken = [s for s in history if not s.refused]
+    steps = [s for s in history if not s.refused]
     values = [
         list(problem.space.values(problem.space.write(problem.loop, s.free)).values())
-        for s in taken
+        for s in steps
     ]
     ratios = np.asarray(values) / np.asarray(values[0])
     styles = ("-", "--", "-.", ":")
@@ -200,7 +199,7 @@ def draw_gains(axes: Axes, problem: TuningProblem, history: list[Step]) -> Axes:
     largest = np.argsort(-np.abs(np.log(np.abs(ratios[-1]) + 1e-300)))[:8]
     for rank, column in enumerate(sorted(largest)):
         axes.semilogy(
-            [s.number for s in taken],
+            [s.number for s in steps],
             ratios[:, column],
             ls=styles[rank % 4],
             label=names[column],
@@ -236,13 +235,13 @@ def _settling_table(tuned: ClosedLoop, runs: dict[str, Trajectory]) -> list[str]
     ]
     for channel in CHANNELS:
         gains = getattr(law.gains, channel)
-        seen = settling_seen(runs["after"], channel)
-        rows.append(f"| {channel} | {float(gains.settling_bound()):.4g} | {seen} |")
+        settling = settling_seen(runs["after"], channel)
+        rows.append(f"| {channel} | {float(gains.settling_bound()):.4g} | {settling} |")
     return rows
 
 
 def settling_seen(run: Trajectory, channel: str) -> str:
-    """How long after a funnel's restart an error last left its final bound [s]."""
+    """Time after a funnel's restart at which an error last left its final bound [s]."""
     ticks = run.ticks
     active = np.asarray(ticks.active)
     limits = getattr(ticks.limits, channel)
@@ -268,7 +267,7 @@ def _markdown(result: dict[str, Any], settling: list[str]) -> str:
         "| channel | measure | before | after | difference | 95 % interval | better |",
         "|---|---|---:|---:|---:|---|---:|",
     ]
-    for channel, unit in _UNITS.items():
+    for channel, unit in CHANNEL_UNITS.items():
         for measure, title in MEASURES.items():
             row = result["held_out"][channel][measure]
             span = row["interval"]

@@ -39,7 +39,7 @@ class FinishedRun:
     trajectory: Trajectory
 
     def summary(self) -> dict[str, Any]:
-        """As it stands in metrics.json."""
+        """Entry of the run in metrics.json."""
         return {
             "scenario": self.entry.scenario,
             "plant": self.entry.plant,
@@ -56,8 +56,8 @@ def run_all(entries: list[PlannedRun], seed: int) -> tuple[list[FinishedRun], bo
     """Run the entries one after the other; an interruption keeps what is done.
 
     Args:
-        entries: what to run.
-        seed: of the sea, the same for all.
+        entries: runs to make.
+        seed: seed of the sea, one for all.
 
     Returns:
         The runs made, and whether they were interrupted.
@@ -82,7 +82,17 @@ def run_all(entries: list[PlannedRun], seed: int) -> tuple[list[FinishedRun], bo
 def report_runs(
     options: argparse.Namespace, done: list[FinishedRun], interrupted: bool, seed: int
 ) -> int:
-    """Print, write and draw what came of the runs."""
+    """Print, write and draw the results of some runs.
+
+    Args:
+        options: options of the command.
+        done: finished runs.
+        interrupted: flag, some runs are missing.
+        seed: seed of the sea.
+
+    Returns:
+        The exit code of the command.
+    """
     if not done:
         note("interrupted before a run was finished; nothing is written.")
         return INTERRUPTED
@@ -137,9 +147,9 @@ def _label(controller: str) -> str:
 
 
 def _file_name(text: str) -> str:
-    kept = "".join(c if c.isalnum() or c in "-_." else "-" for c in text)
+    name = "".join(c if c.isalnum() or c in "-_." else "-" for c in text)
     try:
-        os.fsencode(kept)
+        os.fsencode(name)
     except UnicodeEncodeError:  # the locale's file names lack a letter
-        kept = "".join(c if c.isascii() else "-" for c in kept)
-    return kept.strip(".") or "run"
+        name = "".join(c if c.isascii() else "-" for c in name)
+    return name.strip(".") or "run"

@@ -1,1 +1,1 @@
-"""How far a gradient can be trusted."""
+"""Trust in a gradient."""

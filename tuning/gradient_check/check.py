@@ -2,7 +2,7 @@
 
 Two questions, apart. Is the derivative exact? Then it agrees with central differences
 at small steps, D(h) = (J(x+h) − J(x−h))/2h, or with a pair of them extrapolated to
-zero, (r² D(h) − D(rh))/(r² − 1). Is it of use? Then it also foretells the change of J
+zero, (r² D(h) − D(rh))/(r² − 1). Is it of use? Then it also predicts the change of J
 over the steps that a descent takes, 1 % to 10 % of a gain. On long runs the first can
 hold without the second.
 
@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.core.batching import map_members
+from jaxglider.signals import CHANNELS
 from jaxglider.simulation.metrics import Metrics
 from tuning.gradient_check.probe import REALISTIC, Kind, Probe, difference_points, judge
 
@@ -38,10 +39,10 @@ _CHANNEL_OF = {
 
 @dataclasses.dataclass(frozen=True)
 class GradientReport:
-    """What a check found. Arrays run over the gains last; k steps, m copies.
+    """Result of a check. Arrays run over the gains last; k steps, m copies.
 
     Attributes:
-        names: of the gains.
+        names: names of the gains.
         free: the free numbers x at which the gradient was checked.
         scale: natural scale of each free number.
         value: J(x).
@@ -51,11 +52,11 @@ class GradientReport:
         differences: D(h), k rows.
         changes: larger one of |J(x+h) − J(x)| and |J(x−h) − J(x)|, k rows.
         error: |D − gradient| / |gradient| at the surest difference.
-        reach: largest step up to which the gradient foretells the change of J.
+        reach: largest step up to which the gradient predicts the change of J.
         copies: gradients at copies of x scattered around it, m rows.
         saturated: share of ticks in saturation of the gain's channel; NaN if not given.
         kinds: verdict of each gain in a word.
-        verdicts: the same in a sentence.
+        verdicts: verdicts of the comparisons, each a sentence.
     """
 
     names: tuple[str, ...]
@@ -92,7 +93,7 @@ class GradientReport:
 
     @property
     def prediction(self) -> np.ndarray:
-        """True over foretold change of J at each step; 1 is perfect."""
+        """True over predicted change of J at each step; 1 is perfect."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.differences / self.gradient)
 
@@ -123,15 +124,15 @@ def check_gradient(
     Args:
         loss: J of the free numbers; pure.
         free: the free numbers.
-        names: of the gains; a channel or actuator in its dotted path relates it to
-            `saturated`, and a gain without one counts as free of saturation as the
+        names: names of the gains; a channel or actuator in its dotted path relates it
+            to `saturated`, and a gain without one counts as free of saturation as the
             freest channel.
         steps: relative steps, in `scale`.
         relative_tolerance: largest relative error of an exact derivative.
         scale: natural scale of a free number, one or one for each; 1 suits logarithms,
             where a step of 0.01 is one percent of the gain.
         saturated: share of ticks in saturation by channel; see `saturation`.
-        copies: how many scattered copies to take the gradient at as well.
+        copies: number of scattered copies to take the gradient at as well.
         spread: standard deviation of the copies, in `scale`.
         block: points per block of the batched loss; lower it where one loss is already
             an ensemble.
@@ -212,11 +213,11 @@ def saturation(metrics: Metrics) -> dict[str, float]:
     """Share of ticks in saturation by channel, the mean over members if there are any.
 
     Args:
-        metrics: of one run or of an ensemble.
+        metrics: metrics of one run or of an ensemble.
     """
     return {
         channel: float(np.mean(getattr(metrics.channels, channel).time_saturated))
-        for channel in ("depth", "pitch", "heading")
+        for channel in CHANNELS
     }
 
 

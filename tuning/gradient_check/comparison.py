@@ -1,4 +1,4 @@
-"""How a gradient changes with the horizon and with the smoothing width."""
+"""Change of a gradient with the horizon and with the smoothing width."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -19,11 +19,11 @@ class Comparison:
     """Value and gradient of several losses at one point, a row for each.
 
     Attributes:
-        what: of what the losses differ, with its unit.
+        what: number in which the losses differ, with its unit.
         at: horizon [s] or smoothing width of each loss, rising.
         values: J.
-        gradients: of J, per unit of each free number.
-        verdict: what follows from them, in a sentence.
+        gradients: gradients of J, per unit of each free number.
+        verdict: conclusion in a sentence.
     """
 
     what: str
@@ -44,7 +44,7 @@ class Comparison:
 
 
 def compare_horizons(losses: Mapping[float, Loss], free: Any) -> Comparison:
-    """How the gradient grows with the length of the run; one program per horizon.
+    """Growth of the gradient with the length of the run; one program per horizon.
 
     Args:
         losses: J by horizon [s].
@@ -66,13 +66,15 @@ def compare_horizons(losses: Mapping[float, Loss], free: Any) -> Comparison:
                 else "it explodes; average over copies or shorten the run"
             )
         )
-    return Comparison("horizon [s]", at, values, gradients, verdict)
+    return Comparison(
+        what="horizon [s]", at=at, values=values, gradients=gradients, verdict=verdict
+    )
 
 
 def compare_smoothing(
     loss: Callable[[Any, Any], Any], widths: Sequence[float], free: Any
 ) -> Comparison:
-    """How far the smoothing width decides J and its gradient.
+    """Influence of the smoothing width on J and its gradient.
 
     Args:
         loss: J of the free numbers and of the smoothing width.
@@ -107,7 +109,13 @@ def _judge_smoothing(
                 else "it depends on the width; tune at the final one"
             )
         )
-    return Comparison("smoothing width", at, values, gradients, verdict)
+    return Comparison(
+        what="smoothing width",
+        at=at,
+        values=values,
+        gradients=gradients,
+        verdict=verdict,
+    )
 
 
 def _alignment(gradients: np.ndarray) -> np.ndarray:

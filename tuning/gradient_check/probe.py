@@ -14,7 +14,7 @@ import numpy as np
 REALISTIC = 1e-2
 """The smallest step of a descent that matters, in the scale of a free number."""
 PREDICTION = 0.5
-"""How far, relatively, a foretold change may be off and still guide a descent."""
+"""Largest relative error of a predicted change that still guides a descent."""
 UNSURE = 1e-2
 """Relative uncertainty of the differences from which they decide nothing."""
 SATURATED = 0.95
@@ -37,7 +37,13 @@ class Kind(enum.StrEnum):
 def difference_points(
     centre: np.ndarray, steps: np.ndarray, scale: np.ndarray
 ) -> np.ndarray:
-    """Neighbours for the noise, then x + h e_i for all h and i, then x − h e_i."""
+    """Neighbours for the noise, then x + h e_i for all h and i, then x − h e_i.
+
+    Args:
+        centre: free numbers in the middle.
+        steps: h of the differences, relative to the scale.
+        scale: natural scale of each free number.
+    """
     # Rounding errors of nearer neighbours are alike; farther ones differ in J itself.
     apart = scale * np.finfo(centre.dtype).eps ** (2.0 / 3.0)
     apart = np.maximum(apart, 16.0 * np.spacing(np.abs(centre)))
@@ -49,7 +55,7 @@ def difference_points(
 
 @dataclasses.dataclass(frozen=True)
 class Probe:
-    """What was seen around a point, in the natural scale of each free number.
+    """Values around a point, in the natural scale of each free number.
 
     Of one free number, or of all of them in a last axis; the names are those of the
     report, and `bend` is what curvature adds to either side, (J(x+h)+J(x−h)−2J(x))/2h.
@@ -103,7 +109,7 @@ class Probe:
 
     @property
     def blur(self) -> np.ndarray:
-        """What rounding may add to D(h)."""
+        """Share of rounding in D(h)."""
         return np.asarray(4.0 * self.noise / self.steps)
 
 
@@ -119,7 +125,13 @@ def _noise(near: np.ndarray, unit: float) -> float:
 def judge(
     line: Probe, tolerance: float, saturated: float
 ) -> tuple[float, float, Kind, str]:
-    """Error, reach, verdict and reason of one gain."""
+    """Error, reach, verdict and reason of one gain.
+
+    Args:
+        line: values along one gain.
+        tolerance: largest relative error of a right gradient.
+        saturated: share of time that its actuator is saturated.
+    """
     gradient, steps = line.gradient, line.steps
     if not np.isfinite(line.value):
         return np.nan, 0.0, Kind.WRONG, "the loss is not finite here"

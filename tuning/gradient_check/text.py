@@ -15,29 +15,24 @@ def render(report: GradientReport) -> str:
     """The report as a text table.
 
     Args:
-        report: from `check_gradient`.
+        report: report of `check_gradient`.
     """
-    shown = [k for k, h in enumerate(report.steps) if h >= REALISTIC]
-    titles = ["gradient", "error", *(percent(report.steps[k]) for k in shown)]
+    columns = [k for k, h in enumerate(report.steps) if h >= REALISTIC]
+    titles = ["gradient", "error", *(percent(report.steps[k]) for k in columns)]
     wide = max(len("gain"), *(len(name) for name in report.names))
     lines = [
         f"J = {report.value:.6g}, rounding noise {report.noise:.1e}. Under a step: the "
-        "true over the foretold change of J, 1 is perfect.",
+        "true over the predicted change of J, 1 is perfect.",
         f"{'gain':<{wide}}" + "".join(f"{t:>12}" for t in [*titles, "saturated"]),
     ]
     for i, name in enumerate(report.names):
         cells = [f"{report.gradient[i]:.4g}", f"{report.error[i]:.1e}"]
-        cells += [f"{report.prediction[k, i]:.3g}" for k in shown]
+        cells += [f"{report.prediction[k, i]:.3g}" for k in columns]
         cells += [_figure(report.saturated[i], percent)]
         row = "".join(f"{cell:>12}" for cell in cells)
         lines.append(f"{name:<{wide}}{row}  {report.verdicts[i]}")
     lines.append(f"{_norms(report)}\n{report.verdict}")
     return "\n".join(lines)
-
-
-def summary(report: GradientReport) -> str:
-    """The report in one line, for the start of a descent."""
-    return f"gradient: {report.verdict}; {_norms(report)}"
 
 
 def _norms(report: GradientReport) -> str:

@@ -1,1 +1,1 @@
-"""What is tuned: case, gains, members, objective."""
+"""The problem of tuning: case, gains, members, objective."""

@@ -1,4 +1,4 @@
-"""How the costs of members become one number: Σ wᵢ Jᵢ with Σ wᵢ = 1.
+"""Aggregates: one number from the costs of members, Σ wᵢ Jᵢ with Σ wᵢ = 1.
 
 The gradient of each is Σ wᵢ ∇Jᵢ with the same weights.
 """
@@ -40,7 +40,7 @@ class Mean(AbstractAggregate):
 
 
 MEAN = Mean()
-"""What is used where nothing else is asked for."""
+"""Aggregate where nothing else is asked for."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -20,11 +20,11 @@ class FlightCase:
 
     Attributes:
         title: `switching`, `waypoints`, or the mission's name.
-        kind: of the paper's cases, the one whose gains and funnel stand in for what is
-            left out.
+        kind: name of one of the paper's cases, whose gains and funnel stand in for what
+            is left out.
         plant: name of the plant.
-        scenario: with the funnel that all laws are judged by, whatever becomes of
-            their own.
+        scenario: scenario with the funnel that all laws are judged by, whatever becomes
+            of their own.
         model: design model.
         own: gains of the mission file, or None.
     """
@@ -62,7 +62,7 @@ class FlightCase:
         """The task of a mission, judged by its funnel or else its controller's.
 
         Args:
-            mission: from a file.
+            mission: mission from a file.
             duration: another horizon [s].
 
         Raises:

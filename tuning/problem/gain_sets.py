@@ -1,4 +1,4 @@
-"""What a command is told about gains: words and files, turned into sets of gains."""
+"""Sets of gains: words and files of a command, turned into controllers."""
 
 import dataclasses
 import os

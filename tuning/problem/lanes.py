@@ -28,12 +28,12 @@ def losses(
     """The objective of each row of free numbers over all members; pure.
 
     Args:
-        loss: of free numbers and one member.
+        loss: loss of free numbers and one member.
         rows: free numbers, one row each.
-        members: one leading axis.
-        aggregate: how members' objectives become one.
-        unit: what a run like the start costs.
-        devices: to spread the lanes over.
+        members: members on one leading axis.
+        aggregate: mean, CVaR or soft worst of the members' objectives.
+        unit: cost of a run like the start.
+        devices: devices to spread the lanes over.
     """
     values = member_losses(loss, rows, members, unit, devices)
     return jax.vmap(aggregate)(values)[0]
@@ -46,7 +46,15 @@ def member_losses(
     unit: float,
     devices: Sequence[jax.Device] | None = None,
 ) -> jax.Array:
-    """The objective of each row on each member, as it counts; see `losses`."""
+    """The objective of each row on each member, saturated where a run is lost.
+
+    Args:
+        loss: loss of free numbers and one member.
+        rows: free numbers, one row each.
+        members: members on one leading axis.
+        unit: cost of a run like the start.
+        devices: devices to spread the lanes over.
+    """
     count = member_count(members)
     copies = jnp.repeat(rows[:, None], count, axis=1)
     values = map_members(
@@ -85,5 +93,5 @@ def saturate_cost(values: jax.Array, unit: float) -> jax.Array:
 
 
 def member_count(members: Any) -> int:
-    """How many members an ensemble has."""
+    """Number of members of an ensemble."""
     return int(jax.tree.leaves(members)[0].shape[0])

@@ -28,8 +28,8 @@ def sample_members(
     """An ensemble of independent members.
 
     Args:
-        uncertainty: what differs from member to member.
-        seed: of all sets.
+        uncertainty: quantities that differ from member to member.
+        seed: seed of all sets.
         kind: `TRAINING`, `VALIDATION`, `TEST` or `SWEEP`.
         count: number of members.
 
@@ -43,6 +43,12 @@ def sample_members(
 
 
 def keys_of(seed: int, kind: int, numbers: Any) -> jax.Array:
-    """Keys for what is left to chance within the runs of these members of a set."""
+    """Keys for what is left to chance within the runs of these members of a set.
+
+    Args:
+        seed: seed of all sets.
+        kind: number of the set.
+        numbers: numbers of the members.
+    """
     root = jr.fold_in(jr.key(seed), kind)
     return jax.vmap(lambda number: jr.fold_in(root, number))(jnp.asarray(numbers))

@@ -1,4 +1,4 @@
-"""What tuning makes small: a weighted sum for each member, and one number for all.
+"""Objective of tuning: a weighted sum for each member, and one number for all.
 
 Tracking, effort and chattering are each taken relative to what the starting gains give
 on the nominal case, so weights can be read. Of the smooth penalties, `crowding` keeps
@@ -15,17 +15,17 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Scalar
+from jaxglider.signals import CHANNELS
 from jaxglider.simulation.metrics import Metrics
 
-CHANNELS = ("depth", "pitch", "heading")
 UNIT = 7.5
-"""What a run that tracks like the start costs with the default weights."""
+"""Cost of a run that tracks like the start, with the default weights."""
 Cost = Callable[[Metrics, Metrics], Scalar]
 
 
 @dataclasses.dataclass(frozen=True)
 class Weights:
-    """How much each term counts.
+    """Weights of the terms of the objective.
 
     A term of the channels takes one number for all three, or three in their order.
 
@@ -90,8 +90,8 @@ class Objective(eqx.Module):
 
     Attributes:
         start: metrics with the starting gains, what the terms are relative to.
-        weights: how much each term counts.
-        cost: of the user's own, taken instead; see `load_cost`.
+        weights: weights of the terms.
+        cost: cost function of the user's own, taken instead; see `load_cost`.
     """
 
     start: Metrics
@@ -111,7 +111,7 @@ class Objective(eqx.Module):
         return total
 
     def unit(self) -> float:
-        """What a run like the start costs: the scale of poor and of failed ones.
+        """Cost of a run like the start: the scale of poor and of failed ones.
 
         The weights of tracking together, or, where there are none, those of the next
         terms that have any. With a cost of the user's own, that of the start.

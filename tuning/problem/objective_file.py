@@ -7,8 +7,9 @@ from typing import Any
 
 from jaxglider.core.toml import ConfigError, TomlTable, read_toml
 from jaxglider.files.user_law import load_named
+from jaxglider.signals import CHANNELS
 from tuning.problem.aggregates import AbstractAggregate, make_aggregate
-from tuning.problem.objective import CHANNELS, TERMS, Cost, Weights
+from tuning.problem.objective import TERMS, Cost, Weights
 
 
 def load_cost(where: str) -> Cost:

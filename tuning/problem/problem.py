@@ -132,7 +132,7 @@ def baseline_metrics(spec: ProblemSpec, loop: ClosedLoop) -> Metrics:
 
     Args:
         spec: description of the problem.
-        loop: its closed loop, in the scenario of the ensemble.
+        loop: closed loop of the problem, in the scenario of the ensemble.
     """
     run = jax.jit(evaluate)
     member = jax.tree.map(lambda x: x[0], nominal_member(loop))

@@ -1,4 +1,4 @@
-"""What is to be tuned, on what and for what: a tuning problem as a value."""
+"""A tuning problem as a value: case, gains, free numbers, members, objective."""
 
 import dataclasses
 from typing import Any
@@ -65,7 +65,7 @@ class EnsembleSpec:
         return cls(uncertainty=0.0, training=1, validation=1, test=1)
 
     def on(self, loop: ClosedLoop) -> Uncertainty:
-        """What differs between members that fly the scenario of a closed loop.
+        """The uncertainty of members that fly the scenario of a closed loop.
 
         Raises:
             ValueError: the half width is out of its range.
@@ -81,7 +81,7 @@ class ProblemSpec:
     """A tuning problem as a value: everything that its result follows from.
 
     Attributes:
-        case: what is flown.
+        case: vehicle, sea and reference that are flown.
         controller: name of the control law.
         loop: closed loop with the gains to start from, in the scenario of the case.
         free: dotted paths of what is tuned, `*` for any component; empty for all
@@ -90,7 +90,7 @@ class ProblemSpec:
         weights: weight of each term of the objective.
         cost: cost function of the user's own, taken instead of the weighted terms; see
             `load_cost`.
-        aggregate: how the costs of members become one.
+        aggregate: mean, CVaR or soft worst of the members' costs.
         constraints: names of the coupled constraints that are held; each gain's own
             set is always held.
         gradient_memory: memory of the gradient that is descended [s]; None for the

@@ -1,1 +1,1 @@
-"""What people read: progress, tables, statistics and exit codes."""
+"""Output for people: progress, tables, statistics and exit codes."""

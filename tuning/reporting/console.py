@@ -87,7 +87,13 @@ def note(text: str) -> None:
 
 
 def print_result(result: dict[str, Any], text: str, *, as_json: bool) -> None:
-    """Print a result as text or as JSON; a reader who has gone does no harm."""
+    """Print a result as text or as JSON; a reader who has gone does no harm.
+
+    Args:
+        result: plain numbers, lists and strings.
+        text: text for a terminal.
+        as_json: flag, print the result as JSON instead of the text.
+    """
     try:
         sys.stdout.write(
             json.dumps(result, indent=2, allow_nan=False) if as_json else text

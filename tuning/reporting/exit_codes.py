@@ -1,4 +1,4 @@
-"""How a command ends; nothing here imports JAX."""
+"""Exit codes of the commands; nothing here imports JAX."""
 
 OK = 0
 """All well."""

@@ -23,7 +23,7 @@ def writing_to(folder: Path) -> Iterator[None]:
     more blocks of the same process for the same folder change nothing.
 
     Args:
-        folder: to write to; made if it is not there.
+        folder: folder to write to; made if it is not there.
 
     Raises:
         ValueError: another process is writing to it.

@@ -1,9 +1,9 @@
-"""What may be said of a population from members drawn at random, and how surely.
+"""Statistics of a population from members drawn at random, with intervals.
 
 | of | estimate | interval |
 |---|---|---|
 | probability | k/n | Clopper and Pearson (1934): exact, covers at least what it says |
-| quantile | order statistic | two order statistics, by the binomial law |
+| quantile | order statistic | two order statistics, by the binomial distribution |
 | CVaR | mean of the worst share | normal, by its influence function |
 | mean of paired differences | mean | Student |
 | who wins | wins/(wins + losses) | Clopper and Pearson |
@@ -28,7 +28,13 @@ def clopper_pearson(
 ) -> tuple[float, float]:
     """The exact interval of a probability from k successes in n independent trials.
 
-    [B(α/2; k, n − k + 1), B(1 − α/2; k + 1, n − k)], B quantiles of the beta law.
+    [B(α/2; k, n − k + 1), B(1 − α/2; k + 1, n − k)], B quantiles of the beta
+    distribution.
+
+    Args:
+        successes: k.
+        trials: n.
+        level: level of confidence, 1 − α.
 
     Raises:
         ValueError: not 0 ≤ k ≤ n with n ≥ 1.
@@ -46,7 +52,7 @@ def clopper_pearson(
 
 
 def probability(events: np.ndarray, level: float = LEVEL) -> dict[str, Any]:
-    """How often something happened, and what that says of how likely it is."""
+    """Frequency of an event, and the interval of its probability."""
     k, n = int(np.sum(events)), len(events)
     return {
         "k": k,
@@ -60,12 +66,13 @@ def quantile(values: np.ndarray, share: float, level: float = LEVEL) -> dict[str
     """A quantile and the two order statistics that enclose it.
 
     X_(l) ≤ q ≤ X_(u) with at least the level's probability, l and u from the binomial
-    law of how many of n values lie below q. An end that n is too small for is None.
+    distribution of the number of n values below q. An end that n is too small for is
+    None.
 
     Args:
-        values: may be infinite.
-        share: of the values below, in (0, 1).
-        level: of confidence.
+        values: values, which may be infinite.
+        share: share of the values below the quantile, in (0, 1).
+        level: level of confidence.
     """
     ordered, n = np.sort(values), len(values)
     tail = (1.0 - level) / 2.0
@@ -104,9 +111,9 @@ def cvar(
     run is among the worst share: the mean is infinite.
 
     Args:
-        values: may be infinite.
-        share: of the values that count.
-        level: of confidence.
+        values: values, which may be infinite.
+        share: share of the values that count.
+        level: level of confidence.
     """
     n = len(values)
     q = np.sort(values)[max(math.ceil((1.0 - share) * n), 1) - 1]
@@ -141,13 +148,13 @@ def paired_difference(first: np.ndarray, second: np.ndarray) -> dict[str, Any]:
     is over all, a failed run losing against one that did not fail.
 
     Args:
-        first: of each member, infinite where it failed.
-        second: likewise.
+        first: value of each member, infinite where it failed.
+        second: second value of each member, infinite where it failed.
     """
     usable = np.isfinite(first) & np.isfinite(second)
     difference = second[usable] - first[usable]
     wins, losses = int(np.sum(second < first)), int(np.sum(second > first))
-    found: dict[str, Any] = {
+    table: dict[str, Any] = {
         "pairs": len(difference),
         "difference": float(difference.mean()) if len(difference) else None,
         "interval": None,
@@ -159,20 +166,20 @@ def paired_difference(first: np.ndarray, second: np.ndarray) -> dict[str, Any]:
     }
     if len(difference) > 1:
         half = student_half_width(difference)
-        centre = found["difference"]
-        found["interval"] = [float(centre - half), float(centre + half)]
+        centre = table["difference"]
+        table["interval"] = [float(centre - half), float(centre + half)]
     if wins + losses:
-        found["win_rate"] = wins / (wins + losses)
-        found["win_interval"] = list(clopper_pearson(wins, wins + losses))
-    return found
+        table["win_rate"] = wins / (wins + losses)
+        table["win_interval"] = list(clopper_pearson(wins, wins + losses))
+    return table
 
 
 def discordant(first: np.ndarray, second: np.ndarray) -> dict[str, Any]:
     """Events of two sets of gains on the same members: McNemar's exact test.
 
     Args:
-        first: whether it happened, for each member.
-        second: likewise.
+        first: flag of each member, the event happened with the first set.
+        second: flag of each member, the event happened with the second set.
     """
     only_first = int(np.sum(first & ~second))
     only_second = int(np.sum(~first & second))

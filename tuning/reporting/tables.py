@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from jaxglider import paper
+from jaxglider.signals import CHANNEL_UNITS
 
 CAVEAT = (
     "The printed values are shown as they stand in the paper. Its transient values are "
@@ -30,7 +31,6 @@ _COLUMNS = {
     "chattering": "chatter",
     "time_outside_funnel": "outside",
 }
-_UNITS = {"depth": "m", "pitch": "rad", "heading": "rad"}
 
 
 def text_table(runs: list[dict[str, Any]]) -> str:
@@ -44,7 +44,7 @@ def text_table(runs: list[dict[str, Any]]) -> str:
         f"{'channel':<14}{'controller':<{wide}}{head}"
         + (f"{'paper L2[e]':>13}" if compared else ""),
     ]
-    for channel, unit in _UNITS.items():
+    for channel, unit in CHANNEL_UNITS.items():
         for run in runs:
             measures = run["channels"][channel]
             cells = "".join(f"{figure(measures[k]):>10}" for k in _COLUMNS)
@@ -58,7 +58,7 @@ def text_table(runs: list[dict[str, Any]]) -> str:
 
 
 def outcome(run: dict[str, Any]) -> str:
-    """How a run ended, in words."""
+    """Outcome of a run, in words."""
     roll = run["max_roll_rad"]
     turned = "unknown" if roll is None else f"{roll:.2f} rad"
     words = [f"{run['end_time_s']:.1f} s"]
@@ -94,7 +94,7 @@ def _markdown_group(group: list[dict[str, Any]]) -> list[str]:
         "| channel | measure | " + " | ".join(titles) + " |",
         "|---|---|" + "---:|" * len(titles),
     ]
-    for channel, unit in _UNITS.items():
+    for channel, unit in CHANNEL_UNITS.items():
         for row, (key, title) in {**_PAPER_ROWS, **_OWN_ROWS}.items():
             cells = []
             for run in group:
@@ -129,7 +129,13 @@ def figure(value: float | None) -> str:
 def markdown_table(
     head: Sequence[str], rows: Sequence[Sequence[str]], left: int
 ) -> list[str]:
-    """A Markdown table, its first columns to the left."""
+    """A Markdown table, its first columns to the left.
+
+    Args:
+        head: titles of the columns.
+        rows: cells, one sequence a row.
+        left: number of columns that are aligned to the left.
+    """
     rule = ["---"] * left + ["---:"] * (len(head) - left)
     lines = ["| " + " | ".join(row) + " |" for row in (head, rule, *rows)]
     return [*lines, ""]

@@ -1,1 +1,1 @@
-"""How better gains are sought: descent, evolution, rescue, checkpoints."""
+"""Search for better gains: descent, evolution, rescue, checkpoints."""

@@ -34,7 +34,7 @@ def search_black_box(
 
     Args:
         problem: problem to solve.
-        settings: how to search.
+        settings: settings of the search.
         budget: settings of the descent whose cost is the budget, and the seed.
         progress: line that shows how far it is.
 

@@ -23,8 +23,8 @@ class Checkpoint:
         """Use a file.
 
         Args:
-            path: of the checkpoint, ending in .npz.
-            fingerprint: of the configuration the descent depends on.
+            path: path of the checkpoint, ending in .npz.
+            fingerprint: hash of the configuration the descent depends on.
         """
         self._path, self._fingerprint = path, fingerprint
 

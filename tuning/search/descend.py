@@ -28,7 +28,7 @@ CHECKED = 100.0
 
 @dataclasses.dataclass(frozen=True)
 class SearchOutcome:
-    """What a search came to.
+    """Result of a search.
 
     Attributes:
         free: free numbers that are best on the validation members.
@@ -57,7 +57,7 @@ def descend(
 
     Args:
         problem: problem to solve.
-        settings: how to descend.
+        settings: settings of the descent.
         progress: line that shows how far it is.
         checkpoint: file that every step is kept in, or None.
         resume: whether to go on from the checkpoint.
@@ -157,7 +157,7 @@ def _start(
 
 
 def _line(step: Step, state: State, settings: DescentSettings, pace: float) -> str:
-    """How far the descent is, in one line."""
+    """Progress of the descent, in one line."""
     return (
         f"step {step.number}/{settings.steps}  "
         f"objective {step.loss:.4f}  validation {step.validation:.4f}  "
@@ -168,7 +168,7 @@ def _line(step: Step, state: State, settings: DescentSettings, pace: float) -> s
 
 
 def _gradient_remark(problem: TuningProblem, start: Series) -> str:
-    """Whether the derivative at the start is exact, and how far it foretells.
+    """Whether the derivative at the start is exact, and how far it predicts.
 
     On the beginning of the nominal case: differences of a long run are rounding.
     """

@@ -48,7 +48,7 @@ from tuning.search.settings import (
 
 
 class Evaluation(eqx.Module):
-    """What is known of the free numbers of each descent, one row each.
+    """Values at the free numbers of each descent, one row each.
 
     Attributes:
         loss: objective of all training members.
@@ -64,7 +64,7 @@ class Evaluation(eqx.Module):
 
 
 class Proposal(eqx.Module):
-    """Where the next step of each descent leads.
+    """Next step of each descent.
 
     Attributes:
         free: free numbers to try, one row each.
@@ -98,8 +98,9 @@ class Descent:
             loss: objective of free numbers and one member; pure.
             training: members to descend on, one leading axis.
             validation: members to choose by.
-            settings: how to descend.
-            aggregate: how members' objectives become one; the mean by default.
+            settings: settings of the descent.
+            aggregate: mean, CVaR or soft worst of the members' objectives; the mean by
+                default.
             surrogate_loss: loss that is differentiated instead of `loss`; of the same
                 values.
             cost_scale: cost of a run like the start, the scale of poor and failed ones.
@@ -213,7 +214,7 @@ class Descent:
         return Evaluation(loss=loss, slope=slope, validation=validation, usable=usable)
 
     def _propose(self, state: State) -> Proposal:
-        """Where the next step leads: the optimiser's update at the rate in force."""
+        """The next step: the optimiser's update at the rate in force."""
         settings = self.settings
         turn = jnp.pi * state.number / settings.steps
         rate = settings.learning_rate * state.shrink * 0.5 * (1.0 + jnp.cos(turn))
@@ -305,7 +306,7 @@ def scattered(centre: Series, key: jax.Array, copies: int, spread: float) -> jax
     Args:
         centre: free numbers.
         key: random key.
-        copies: how many; with an odd number one stays at the centre.
+        copies: number of copies; with an odd number one stays at the centre.
         spread: standard deviation of each free number.
 
     Returns:

@@ -31,13 +31,13 @@ class Generation:
     """One generation of a search; fields as in a step of a descent where they apply.
 
     Attributes:
-        number: of the generation; 0 is the start.
+        number: number of the generation; 0 is the start.
         loss: the lowest of the generation; infinite where none is finite.
         free: the free numbers it belongs to.
         refused: always false; a search keeps its best and refuses nothing.
-        best: this is the best so far.
+        best: flag, it holds the best set so far.
         learning_rate: standard deviation of the draws, in the free numbers.
-        rollouts: spent so far, in rollout-equivalents.
+        rollouts: cost so far, in rollout-equivalents.
     """
 
     number: int
@@ -62,12 +62,13 @@ def random_search(
     """Independent normal draws around the start, in batches until the budget is spent.
 
     Args:
-        losses: of a batch of rows of free numbers; always called with `batch` rows.
+        losses: function from a batch of rows of free numbers to their losses; always
+            called with `batch` rows.
         start: free numbers to start from.
         budget: rollout-equivalents.
         batch: draws per generation.
         spread: standard deviation of each free number.
-        seed: of the draws.
+        seed: seed of the draws.
         members: rollouts that one loss takes.
 
     Yields:
@@ -105,13 +106,13 @@ def cma_es(
     ranks nothing.
 
     Args:
-        losses: of a batch of rows of free numbers; always called with `population`
-            rows.
+        losses: function from a batch of rows of free numbers to their losses; always
+            called with `population` rows.
         start: free numbers to start from; two or more.
         budget: rollout-equivalents.
         population: draws per generation; `default_population` if None.
         spread: first standard deviation of each free number.
-        seed: of the draws.
+        seed: seed of the draws.
         members: rollouts that one loss takes.
         known: loss of the start, where it has been evaluated already.
 
@@ -149,7 +150,7 @@ def default_population(count: int) -> int:
 
 
 class _Ledger:
-    """What a search has spent, and the best it has seen."""
+    """Account of the rollouts of a search, and of the best set it has seen."""
 
     def __init__(self, losses: Losses, start: Series, batch: int, members: int) -> None:
         self._losses, self._dtype = losses, jnp.asarray(start).dtype

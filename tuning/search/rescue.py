@@ -18,14 +18,15 @@ LOST = 2.0
 """Objective from which a start is exchanged, in units of what a run like it costs on
 the nominal case; the paper's gains, where they fly, come to 1.5."""
 GENERATIONS, DRAWS, SPREAD = 12, 64, 0.5
-"""Of the search at most; of a generation; and in the logarithm of a gain."""
+"""Largest number of generations of the search, draws of a generation, and spread of
+the draws in the logarithm of a gain."""
 ENOUGH = 1.25
 """Objective, in the same units, with which the search ends early: few runs, if any, are
 lost."""
 
 
 class SearchResult(NamedTuple):
-    """What the search came to.
+    """Result of the search.
 
     Attributes:
         free: free numbers that are best.
@@ -50,7 +51,7 @@ def promising_gains(
     seed: int,
     tell: Callable[[str], None] = lambda text: None,
 ) -> SearchResult:
-    """Where to descend from instead of gains that lose the glider.
+    """Gains to descend from instead of gains that lose the glider.
 
     CMA-ES on the training members, until few of them are lost.
 

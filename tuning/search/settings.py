@@ -1,4 +1,4 @@
-"""How to descend, where a descent stands, and what it reports of a step."""
+"""Settings of a descent, its state, and its report of a step."""
 
 import dataclasses
 import difflib
@@ -18,21 +18,23 @@ from tuning.search.evolution import GRADIENT_COST
 
 @dataclasses.dataclass(frozen=True)
 class DescentSettings:
-    """How to descend.
+    """Settings of a descent.
 
     Attributes:
         steps: number of gradient steps.
-        learning_rate: of the first step, in free numbers (the logarithm of a gain).
+        learning_rate: learning rate of the first step, in free numbers (the logarithm
+            of a gain).
         optimiser: name of an optimiser of optax.
         batch: members of a gradient, in turn; all where not the mean is sought.
         copies: fewest lanes of a gradient; fewer members are used more than once.
         spread: standard deviation of the copies, in free numbers.
         worse: a step to more than this times the best objective is refused.
-        patience: stop after this many steps without progress on the validation set.
-        progress: what counts as progress, relative.
+        patience: number of steps without progress on the validation set after which the
+            descent stops.
+        progress: smallest relative gain that counts as progress.
         starts: number of descents side by side; all but the first from scattered gains.
         start_spread: standard deviation of the starts, in free numbers.
-        seed: of copies and starts.
+        seed: seed of copies and starts.
 
     Raises:
         ValueError: a number outside its range, or an unknown optimiser.
@@ -85,7 +87,7 @@ class DescentSettings:
 
 @dataclasses.dataclass(frozen=True)
 class BlackBoxSettings:
-    """How to search without gradients.
+    """Settings of a search without gradients.
 
     Attributes:
         method: name of the search, `cma` or `random`.
@@ -125,7 +127,7 @@ class Point(eqx.Module):
 
 
 class State(eqx.Module):
-    """Where the descents stand, one row each: all that their next step depends on.
+    """State of the descents, one row each: all that their next step depends on.
 
     Attributes:
         number: number of steps made.
@@ -181,7 +183,7 @@ def make_optimiser(name: str) -> optax.GradientTransformation:
     """The optimiser of optax of this name, with a learning rate of one.
 
     Args:
-        name: as `adam`, `rmsprop` or `lion`.
+        name: name such as `adam`, `rmsprop` or `lion`.
 
     Raises:
         ValueError: optax has none of this name that needs a gradient alone.

@@ -160,7 +160,7 @@ Bijection = Positive | Above | Below | Between
 
 @dataclasses.dataclass(frozen=True)
 class Edge:
-    """Where a set ends.
+    """End of a set.
 
     Attributes:
         at: the edge as a function of the partner gain; traced.
@@ -289,7 +289,13 @@ def observer_proportional(rate_bound: float) -> Edge:
 
 
 def in_observer_set(proportional: float, integral: float, rate_bound: float) -> bool:
-    """Whether ι₁ and ι₂ of one axis are in the published set, for |d'| ≤ D."""
+    """Whether ι₁ and ι₂ of one axis are in the published set, for |d'| ≤ D.
+
+    Args:
+        proportional: ι₁.
+        integral: ι₂.
+        rate_bound: D [N/s or N m/s].
+    """
     square, limit = proportional**2, rate_bound
     if not proportional > 0.0:
         return False

@@ -1,4 +1,4 @@
-"""Which numbers of a closed loop can be tuned, and the set each must stay in."""
+"""Numbers of a closed loop that can be tuned, and the set each must stay in."""
 
 import dataclasses
 import difflib
@@ -65,9 +65,9 @@ class Coordinate:
     """One tuned number.
 
     Attributes:
-        path: dotted, from the closed loop.
-        bijection: between the number and its free number.
-        edge: of its set.
+        path: dotted path from the closed loop.
+        bijection: bijection between the number and its free number.
+        edge: edge of its set.
         partner: path of the number its edge depends on, if any.
     """
 
@@ -82,12 +82,12 @@ class Pair:
     """Two numbers that a constraint couples.
 
     Attributes:
-        constraint: its name.
+        constraint: name of the constraint.
         first: path of the number whose edge depends on the second only if the second
             is fixed (k₁, ι₁).
         second: path of the number whose edge depends on the first (k₂, ι₂).
-        first_kind: how the first is kept inside, given a fixed second.
-        first_edge: its edge.
+        first_kind: bijection that keeps the first inside, given a fixed second.
+        first_edge: edge of the first number's set.
         second_edge: edge of the second, which is above it.
     """
 
@@ -133,7 +133,7 @@ def pairs(loop: ClosedLoop, bounds: BodyAxes[Any] | None) -> Iterator[Pair]:
 
     Args:
         loop: the closed loop.
-        bounds: on the rate of the disturbance of each axis [N/s, N m/s].
+        bounds: bounds on the rate of the disturbance of each axis [N/s, N m/s].
     """
     for path, number in _tunable(loop).items():
         coupled = number.numbers
@@ -157,12 +157,12 @@ def pairs(loop: ClosedLoop, bounds: BodyAxes[Any] | None) -> Iterator[Pair]:
 def coordinates(
     loop: ClosedLoop, names: Collection[str], coupled: Collection[Pair]
 ) -> tuple[Coordinate, ...]:
-    """How each tuned number is kept in its set.
+    """Coordinates of the tuned numbers, each of which keeps its number in its set.
 
     Args:
         loop: the closed loop.
-        names: whole paths.
-        coupled: the pairs to hold.
+        names: dotted paths of the tuned numbers.
+        coupled: pairs to hold.
     """
     tunable = _tunable(loop)
     by_first = {pair.first: pair for pair in coupled}

@@ -1,4 +1,4 @@
-"""Where a search starts: the numbers of a closed loop, moved into their sets."""
+"""Start of a search: the numbers of a closed loop, moved into their sets."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -25,8 +25,8 @@ def start_inside(
     """The tuned numbers and their partners, by path, and what was moved, in words.
 
     Args:
-        loop: concrete, not traced.
-        coordinates: of the numbers.
+        loop: closed loop with concrete numbers, not traced.
+        coordinates: coordinates of the numbers.
 
     Raises:
         ValueError: a number that cannot be moved into its set.
@@ -76,9 +76,9 @@ def left_broken(
     """Notes on the coupled sets that the start is outside of and that are not held.
 
     Args:
-        loop: where the search starts.
+        loop: closed loop that the search starts from.
         known: all pairs.
-        held: those that are held.
+        held: constraints that are held.
         names: paths of the tuned numbers.
     """
     notes = []
@@ -140,9 +140,9 @@ def nearest_above(
     that is refined around its best point, because the set need not be convex.
 
     Args:
-        edge: of the gain, given its partner.
-        partner: where it starts.
-        gain: where it starts, below the edge.
+        edge: edge of the gain, given its partner.
+        partner: starting value of the partner.
+        gain: starting value of the gain, below the edge.
         step: share of the edge by which to clear it.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Which numbers of a closed loop are tuned, and the free numbers that stand for them.
+"""Tuned numbers of a closed loop, and the free numbers that stand for them.
 
 A number is named by its dotted path, `controller.gains.depth.k1`; a path may end early
 or have `*` for a component. Whatever the free numbers are, the closed loop they are
@@ -51,7 +51,7 @@ class Space:
     """Some numbers of a closed loop as one vector of free numbers. Make it with `of`.
 
     Attributes:
-        coordinates: one for each free number.
+        coordinates: coordinates, one for each free number.
         notes: sentences for the user: what was moved into its set, and what is not
             held.
     """
@@ -70,10 +70,11 @@ class Space:
         """The space of the numbers at some paths of a closed loop.
 
         Args:
-            loop: where the search starts.
+            loop: closed loop that the search starts from.
             paths: dotted paths from the closed loop; see `tunable_paths`.
             constraints: names of the coupled sets to hold.
-            disturbance_rate_bound: of each axis [N/s, N m/s], for `observer-set`.
+            disturbance_rate_bound: bound on the rate of each axis' disturbance [N/s, N
+                m/s], for `observer-set`.
 
         Raises:
             ValueError: an unknown path or constraint, a bound that is missing, not
@@ -163,7 +164,7 @@ class Space:
 # Compiled as one, not operation by operation where nothing is traced.
 @functools.partial(jax.jit, static_argnums=0)
 def _stretched(kinds: tuple[Bijection, ...], free: Series) -> list[Series]:
-    """Of all gains the part that does not need the edge, for each kind."""
+    """The part of all gains that does not need the edge, for each kind."""
     bent = bend(free)
     return [kind.stretch(bent) for kind in kinds]
 
@@ -177,13 +178,13 @@ def _check_constraints(
                 f"constraints must be among {', '.join(CONSTRAINTS)}; "
                 f"received {name!r}."
             )
-    given = disturbance_rate_bound is not None
-    if given != (OBSERVER_SET in constraints):
+    bounded = disturbance_rate_bound is not None
+    if bounded != (OBSERVER_SET in constraints):
         raise ValueError(
             f"{OBSERVER_SET} and disturbance_rate_bound go together; received "
-            + ("the bound alone." if given else "the constraint alone.")
+            + ("the bound alone." if bounded else "the constraint alone.")
         )
-    for axis, bound in vars(disturbance_rate_bound).items() if given else ():
+    for axis, bound in vars(disturbance_rate_bound).items() if bounded else ():
         if not 0.0 < float(bound) <= 1e4:
             raise ValueError(
                 f"disturbance_rate_bound.{axis} must be in (0, 10000]; "

@@ -30,10 +30,10 @@ class Number:
     """One scalar.
 
     Attributes:
-        kind: one of `C_TYPES`.
-        text: a name or a literal.
-        varies: it depends on a state or an input, not on parameters alone.
-        value: what it is, where that is known now.
+        kind: key of `C_TYPES`.
+        text: name or literal in C.
+        varies: flag, it depends on a state or an input, not on parameters alone.
+        value: value of the number, where that is known now.
     """
 
     kind: str
@@ -50,8 +50,8 @@ class Statement:
         defines: names and kinds.
         text: the line, without its indentation.
         uses: names it needs.
-        operation: what it does, for the count of operations.
-        varies: see `Number`.
+        operation: kind of operation, for their count.
+        varies: flag as in `Number`.
     """
 
     defines: tuple[tuple[str, str], ...]
@@ -66,7 +66,7 @@ class Block:
 
     Attributes:
         of_one_precision: the function is written once for each floating format.
-        statements: so far.
+        statements: statements so far.
     """
 
     def __init__(self, *, of_one_precision: bool = False) -> None:
@@ -80,10 +80,10 @@ class Block:
         """A new scalar from an expression, or the one that already has it.
 
         Args:
-            kind: of the result.
+            kind: kind of the result.
             text: the expression, its operands already in it.
-            operands: what it is computed from.
-            operation: what it does.
+            operands: numbers that it is computed from.
+            operation: kind of operation.
         """
         key = (kind, text)
         if key not in self._seen:
@@ -98,8 +98,8 @@ class Block:
         self, function: str, kinds: Sequence[str], operands: Sequence[Number]
     ) -> tuple[Number, ...]:
         """The results of a function that takes scalars and writes to addresses."""
-        given = ", ".join(x.text for x in operands)
-        key = (function, given)
+        arguments = ", ".join(x.text for x in operands)
+        key = (function, arguments)
         if key not in self._seen:
             varies = any(x.varies for x in operands)
             stem = f"v{len(self.statements)}"
@@ -108,8 +108,8 @@ class Block:
                 f"{C_TYPES[k]} {n};" for k, n in zip(kinds, names, strict=True)
             )
             addresses = ", ".join(f"&{n}" for n in names)
-            separator = ", " if given else ""
-            line = f"{declared} {function}({given}{separator}{addresses});"
+            separator = ", " if arguments else ""
+            line = f"{declared} {function}({arguments}{separator}{addresses});"
             defines = tuple(zip(names, kinds, strict=True))
             self._add(defines, line, operands, f"call {function}", varies)
             self._seen[key] = tuple(Number(k, n, varies) for n, k in defines)
@@ -142,33 +142,49 @@ class Block:
         varies: bool,
     ) -> None:
         uses = tuple(x.text for x in operands if x.value is None)
-        self.statements.append(Statement(defines, text, uses, operation, varies))
+        self.statements.append(
+            Statement(
+                defines=defines,
+                text=text,
+                uses=uses,
+                operation=operation,
+                varies=varies,
+            )
+        )
 
     def needed(self, results: Sequence[Number]) -> list[Statement]:
         """The statements that the results depend on."""
         wanted = {x.text for x in results}
-        kept = []
+        statements = []
         for statement in reversed(self.statements):
             if any(name in wanted for name, _ in statement.defines):
                 wanted.update(statement.uses)
-                kept.append(statement)
-        return kept[::-1]
+                statements.append(statement)
+        return statements[::-1]
 
 
 def literal(value: Any, kind: str) -> Number:
     """A number that is known now."""
     if kind == "bool":
-        return Number(kind, "true" if value else "false", False, np.bool_(value))
+        return Number(
+            kind=kind,
+            text="true" if value else "false",
+            varies=False,
+            value=np.bool_(value),
+        )
     if kind != "real":
         whole = np.dtype(kind).type(value)
         return Number(
-            kind, f"{C_TYPES[kind].upper()[:-2]}_C({int(whole)})", False, whole
+            kind=kind,
+            text=f"{C_TYPES[kind].upper()[:-2]}_C({int(whole)})",
+            varies=False,
+            value=whole,
         )
-    given = float(value)
-    if np.isnan(given):
+    real = float(value)
+    if np.isnan(real):
         text = "NAN"
-    elif np.isinf(given):
-        text = "INFINITY" if given > 0 else "-INFINITY"
+    elif np.isinf(real):
+        text = "INFINITY" if real > 0 else "-INFINITY"
     else:
-        text = repr(given)
-    return Number(kind, f"REAL({text})", False, value)
+        text = repr(real)
+    return Number(kind=kind, text=f"REAL({text})", varies=False, value=value)

@@ -19,7 +19,7 @@ from jaxglider.export.c.shapes import Array, whole
 from jaxglider.signals import BodyAxes, Channels, Command
 
 _EACH = (BodyAxes, Channels, Command)
-"""What a field of these is, the field that holds them says."""
+"""Containers whose own fields are described by the field that holds the container."""
 
 _RESERVED = frozenset(
     [
@@ -69,10 +69,10 @@ class Field:
     """One leaf of a pytree.
 
     Attributes:
-        name: of the field in C.
-        kind: of its scalars.
-        shape: of the leaf.
-        comment: what it is.
+        name: name of the field in C.
+        kind: kind of its scalars.
+        shape: shape of the leaf.
+        comment: meaning and unit of the field.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Field:
 
     @property
     def size(self) -> int:
-        """How many scalars it has."""
+        """Number of its scalars."""
         return int(np.prod(self.shape, dtype=int))
 
     def places(self, owner: str) -> list[str]:
@@ -114,15 +114,22 @@ def fields_of(tree: Any, hidden: Sequence[str] = ()) -> list[Field]:
         ExportError: a leaf is of a type that C has not.
     """
     fields: list[Field] = []
-    taken: set[str] = set()
+    names: set[str] = set()
     for path, leaf in jax.tree_util.tree_flatten_with_path(tree)[0]:
         array = np.asarray(leaf) if not hasattr(leaf, "dtype") else leaf
         name = _name([k for k in path if _key(k) not in hidden])
-        while name in taken:
+        while name in names:
             name += "_"
-        taken.add(name)
+        names.add(name)
         comment = _comment(tree, path)
-        fields.append(Field(name, kind_of(array.dtype), tuple(array.shape), comment))
+        fields.append(
+            Field(
+                name=name,
+                kind=kind_of(array.dtype),
+                shape=tuple(array.shape),
+                comment=comment,
+            )
+        )
     return fields
 
 
@@ -143,32 +150,32 @@ def _key(entry: Any) -> str:
 
 
 def _comment(tree: Any, path: Sequence[Any]) -> str:
-    """What the classes along a path say of it, the last one first."""
-    said = ""
+    """Description of a leaf by the classes along its path, the last one first."""
+    comment = ""
     here = tree
     for entry in path:
         key = _key(entry)
         if isinstance(here, eqx.Module):
             text = attributes(type(here)).get(key, "")
-            if text and not (said and isinstance(here, _EACH)):
-                said = text
-            elif said:
-                said = f"{said} ({key})"
+            if text and not (comment and isinstance(here, _EACH)):
+                comment = text
+            elif comment:
+                comment = f"{comment} ({key})"
             here = getattr(here, key, None)
         else:
-            said = f"{said} ({key})" if said else ""
+            comment = f"{comment} ({key})" if comment else ""
             try:
                 here = here[getattr(entry, "key", getattr(entry, "idx", None))]
             except (TypeError, KeyError, IndexError):
                 here = None
-    return said.replace("*/", "* /")
+    return comment.replace("*/", "* /")
 
 
 def attributes(kind: type) -> dict[str, str]:
     """The section `Attributes:` of a class's docstring, name by name."""
     text = inspect.cleandoc(kind.__doc__ or "")
-    _, found, section = text.partition("Attributes:\n")
-    if not found:
+    _, heading, section = text.partition("Attributes:\n")
+    if not heading:
         return {}
     lines: dict[str, str] = {}
     name = ""

@@ -132,7 +132,7 @@ class Lowering:
         return [moved]
 
     def _folded(self, equation: Any, x: list[Array]) -> list[Array]:
-        """What can be computed now is computed by JAX."""
+        """The result of a primitive of known numbers, computed by JAX."""
         values = [
             jnp.asarray(
                 np.array([n.value for n in a.ravel()]).reshape(a.shape), v.aval.dtype
@@ -178,15 +178,15 @@ class Lowering:
         """All branches are computed, and one is taken."""
         which, *operands = x
         results = [self.closed(branch, operands) for branch in branches]
-        taken = []
+        selections = []
         for cases in zip(*results, strict=True):
             rows = zip(*(c.ravel() for c in cases), strict=True)
             numbers = [
                 apply(self.block, "select_n", (which[()], *row), row[0].kind, {})
                 for row in rows
             ]
-            taken.append(whole(numbers, cases[0].shape))
-        return taken
+            selections.append(whole(numbers, cases[0].shape))
+        return selections
 
     def _scan(self, equation: Any, x: list[Array]) -> list[Array]:
         """All steps are written out."""
@@ -199,15 +199,15 @@ class Lowering:
         constants, carry = x[:first], x[first : first + count]
         rows = x[first + count :]
         order = range(steps)
-        kept: list[list[Array]] = []
+        outputs: list[list[Array]] = []
         for n in reversed(order) if params["reverse"] else order:
-            given = [np.asarray(r[n], dtype=object) for r in rows]
-            results = self.closed(params["jaxpr"], [*constants, *carry, *given])
+            inputs = [np.asarray(r[n], dtype=object) for r in rows]
+            results = self.closed(params["jaxpr"], [*constants, *carry, *inputs])
             carry = results[:count]
-            kept.append(results[count:])
+            outputs.append(results[count:])
         if params["reverse"]:
-            kept.reverse()
-        stacked = [np.stack(column) for column in zip(*kept, strict=True)]
+            outputs.reverse()
+        stacked = [np.stack(column) for column in zip(*outputs, strict=True)]
         return [*carry, *stacked]
 
     def _call(self, closed: Any, x: list[Array]) -> Sequence[Array]:
@@ -261,9 +261,9 @@ def outlined(name: str, closed: ClosedJaxpr, functions: Functions | None) -> Out
     """A function of its own for a jaxpr of scalars.
 
     Args:
-        name: of the function.
-        closed: its trace.
-        functions: those of the file; None for a function of one precision, which
+        name: name of the function.
+        closed: trace of the function.
+        functions: functions of the file; None for a function of one precision, which
             calls no other.
     """
     block = Block(of_one_precision=functions is None)
@@ -271,7 +271,9 @@ def outlined(name: str, closed: ClosedJaxpr, functions: Functions | None) -> Out
     arguments = [whole([Number(k, f"a{n}", True)], ()) for n, k in enumerate(kinds)]
     lowering = Lowering(block, functions or Functions())
     results = lowering.closed(closed, arguments)
-    return Outlined(name, kinds, [r[()] for r in results], block)
+    return Outlined(
+        name=name, arguments=kinds, results=[r[()] for r in results], block=block
+    )
 
 
 def lower(
@@ -284,11 +286,11 @@ def lower(
     """Write the statements of a function of pytrees.
 
     Args:
-        block: where they go.
-        function: pure and traceable.
+        block: block that takes the statements.
+        function: pure and traceable function.
         arguments: examples of what it takes.
-        numbers: for each leaf of the arguments, its scalars in C.
-        functions: shared with the other functions of the file.
+        numbers: scalars in C for each leaf of the arguments.
+        functions: functions of the file, shared with its other functions.
 
     Returns:
         For each leaf of the result its scalars.

@@ -1,4 +1,4 @@
-"""What each elementwise primitive of JAX is in C, scalar by scalar.
+"""Elementwise primitives of JAX in C, scalar by scalar.
 
 Integers wrap as in XLA, by way of unsigned arithmetic; shifts to the right of signed
 numbers are taken to be arithmetic, as every compiler in use has them. NaN goes through
@@ -57,11 +57,11 @@ def apply(
     """One primitive on scalars.
 
     Args:
-        block: where statements go.
-        name: of the primitive.
-        operands: its scalars.
-        kind: of the result.
-        params: of the primitive.
+        block: block that takes the statements.
+        name: name of the primitive.
+        operands: scalars of its operands.
+        kind: kind of the result.
+        params: parameters of the primitive.
 
     Raises:
         ExportError: the primitive has no form in C here.

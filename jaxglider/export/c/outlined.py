@@ -21,10 +21,10 @@ class Outlined:
     """A C function of scalars that writes its results to addresses.
 
     Attributes:
-        name: of the function.
+        name: name of the function.
         arguments: kinds of its arguments.
-        results: its results.
-        block: its statements.
+        results: numbers that it returns.
+        block: statements of its body.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Outlined:
 
 @dataclasses.dataclass
 class Functions:
-    """What the functions of one file share.
+    """Functions that all functions of one file share.
 
     Attributes:
         outlined: functions for either precision, by the text of their trace.
@@ -68,7 +68,13 @@ def opened(closed: Any) -> Any:
 
 @cache
 def trace(name: str, dtype: str, shape: tuple[int, ...] = ()) -> ClosedJaxpr:
-    """The trace of one elementary function, without the call around it."""
+    """The trace of one elementary function, without the call around it.
+
+    Args:
+        name: name of the function in `elementary`.
+        dtype: type of its argument.
+        shape: shape of its argument.
+    """
     function = getattr(elementary, name)
     for _ in shape:
         function = jax.vmap(function)

@@ -30,9 +30,9 @@ MAX_CHOICES = 1024
 
 def whole(numbers: Sequence[Number], shape: tuple[int, ...]) -> Array:
     """Numbers in an array of a shape."""
-    made = np.empty(len(numbers), dtype=object)
-    made[:] = numbers
-    return made.reshape(shape)
+    array = np.empty(len(numbers), dtype=object)
+    array[:] = numbers
+    return array.reshape(shape)
 
 
 def constant(value: Any, kind: str) -> Array:
@@ -60,10 +60,10 @@ def rearranged(
     """The result of a primitive that only moves numbers, or None for any other.
 
     Args:
-        name: of the primitive.
-        x: its operands.
-        shape: of its result.
-        params: of the primitive.
+        name: name of the primitive.
+        x: operands of the primitive.
+        shape: shape of its result.
+        params: parameters of the primitive.
     """
     if name in ("reshape", "squeeze", "expand_dims"):
         return x[0].reshape(shape)
@@ -83,7 +83,15 @@ def rearranged(
 
 
 def fold(block: Block, name: str, x: Array, axes: Sequence[int], kind: str) -> Array:
-    """A reduction over axes, from the first number to the last."""
+    """A reduction over axes, from the first number to the last.
+
+    Args:
+        block: block that takes the statements.
+        name: name of the primitive that joins two numbers.
+        x: operand.
+        axes: axes to reduce.
+        kind: kind of the result.
+    """
     rest = [n for n in range(x.ndim) if n not in axes]
     rows = np.transpose(x, [*rest, *axes]).reshape([*(x.shape[n] for n in rest), -1])
     result = np.empty(rows.shape[:-1], dtype=object)
@@ -98,7 +106,16 @@ def fold(block: Block, name: str, x: Array, axes: Sequence[int], kind: str) -> A
 def running(
     block: Block, name: str, x: Array, axis: int, reverse: bool, kind: str
 ) -> Array:
-    """A running sum, product, minimum or maximum along one axis."""
+    """A running sum, product, minimum or maximum along one axis.
+
+    Args:
+        block: block that takes the statements.
+        name: name of the primitive that joins two numbers.
+        x: operand.
+        axis: axis to run along.
+        reverse: flag, from the last number to the first.
+        kind: kind of the result.
+    """
     result = np.moveaxis(np.flip(x, axis) if reverse else x, axis, 0).copy()
     for n in range(1, len(result)):
         for index in np.ndindex(*result.shape[1:]):
@@ -109,7 +126,17 @@ def running(
 
 
 def dot(block: Block, x: Sequence[Array], dimensions: Any, kind: str) -> Array:
-    """A product of small matrices or vectors, without batch dimensions."""
+    """A product of small matrices or vectors, without batch dimensions.
+
+    Args:
+        block: block that takes the statements.
+        x: operands, left and right.
+        dimensions: `dimension_numbers` of the primitive.
+        kind: kind of the result.
+
+    Raises:
+        ExportError: there are batch dimensions, or there is no contraction.
+    """
     (left, right), batch = dimensions
     if any(batch):
         raise ExportError(unsupported("dot_general", " with batch dimensions"))
@@ -134,17 +161,27 @@ def dot(block: Block, x: Sequence[Array], dimensions: Any, kind: str) -> Array:
 def gather(
     block: Block, x: Sequence[Array], shape: tuple[int, ...], params: dict[str, Any]
 ) -> Array:
-    """x[index] for one index vector: for each place it can point at, a selection."""
+    """x[index] for one index vector: for each place it can point at, a selection.
+
+    Args:
+        block: block that takes the statements.
+        x: operand and index.
+        shape: shape of the result.
+        params: parameters of the primitive.
+
+    Raises:
+        ExportError: the index points at several places at once, or at too many.
+    """
     operand, indices = x
     if indices.size != indices.shape[-1]:
         raise ExportError(unsupported("gather", " at several places at once"))
     sizes, mode = params["slice_sizes"], str(params["mode"]).rsplit(".", 1)[-1]
     axes = params["dimension_numbers"].start_index_map
     numbering = jnp.arange(operand.size).reshape(operand.shape)
-    given = list(indices.ravel())
+    parts = list(indices.ravel())
     settings = {k: v for k, v in params.items() if k not in ("mode", "fill_value")}
 
-    def taken(at: Sequence[int]) -> Array:
+    def slice_at(at: Sequence[int]) -> Array:
         place = jnp.asarray(at).reshape(indices.shape)
         chosen = lax.gather_p.bind(
             numbering, place, mode=params["mode"], fill_value=-1, **settings
@@ -152,10 +189,10 @@ def gather(
         return whole(list(operand.ravel()[np.ravel(chosen)]), shape)
 
     ranges = [operand.shape[n] - sizes[n] + 1 for n in axes]
-    result = choose(block, given, ranges, taken)
+    result = choose(block, parts, ranges, slice_at)
     if "FILL" not in mode:
         return result
-    for index, size in zip(given, ranges, strict=True):
+    for index, size in zip(parts, ranges, strict=True):
         low = apply(block, "lt", (index, literal(0, index.kind)), "bool", {})
         high = apply(block, "ge", (index, literal(size, index.kind)), "bool", {})
         outside = apply(block, "or", (low, high), "bool", {})
@@ -169,23 +206,39 @@ def gather(
 
 
 def dynamic_slice(block: Block, x: Sequence[Array], sizes: Sequence[int]) -> Array:
-    """A window of an array at a place known on board, pushed inside."""
+    """A window of an array at a place known on board, pushed inside.
+
+    Args:
+        block: block that takes the statements.
+        x: operand and the start along each axis.
+        sizes: size of the window along each axis.
+    """
     operand, *starts = x
     ranges = [n - s + 1 for n, s in zip(operand.shape, sizes, strict=True)]
 
-    def taken(at: Sequence[int]) -> Array:
+    def slice_at(at: Sequence[int]) -> Array:
         return operand[tuple(slice(a, a + s) for a, s in zip(at, sizes, strict=True))]
 
-    return choose(block, [s[()] for s in starts], ranges, taken)
+    return choose(block, [s[()] for s in starts], ranges, slice_at)
 
 
 def choose(
     block: Block,
     index: Sequence[Number],
     ranges: Sequence[int],
-    taken: Callable[[Sequence[int]], Array],
+    slice_at: Callable[[Sequence[int]], Array],
 ) -> Array:
-    """taken(index) for an index known on board, each part clamped to its range."""
+    """slice_at(index) for an index known on board, each part clamped to its range.
+
+    Args:
+        block: block that takes the statements.
+        index: parts of the index.
+        ranges: number of places that each part can point at.
+        slice_at: function from an index to the numbers there.
+
+    Raises:
+        ExportError: there are too many places.
+    """
     places = list(itertools.product(*(range(n) for n in ranges)))
     many = [at for at, n in enumerate(ranges) if n > 1]
     in_table = len(many) == 1 and len(places) > FEW
@@ -198,9 +251,9 @@ def choose(
         known = [
             min(max(int(i.value), 0), n - 1) for i, n in zip(index, ranges, strict=True)
         ]
-        return np.array(taken(known), dtype=object)
+        return np.array(slice_at(known), dtype=object)
     if in_table:
-        columns = [taken(place) for place in places]
+        columns = [slice_at(place) for place in places]
         return whole(
             [
                 looked_up(block, index[many[0]], [column[n] for column in columns])
@@ -208,11 +261,11 @@ def choose(
             ],
             columns[0].shape,
         )
-    result: Any = np.array(taken(places[-1]), dtype=object)
+    result: Any = np.array(slice_at(places[-1]), dtype=object)
     for place in reversed(places[:-1]):
         here = _points_at(block, index, ranges, place)
         for n in np.ndindex(*result.shape):
-            pair = (here, result[n], taken(place)[n])
+            pair = (here, result[n], slice_at(place)[n])
             result[n] = apply(block, "select_n", pair, pair[1].kind, {})
     return result
 
@@ -221,6 +274,11 @@ def looked_up(block: Block, index: Number, values: Sequence[Number]) -> Number:
     """values[index], the index clamped to its range: from the array that holds them.
 
     Numbers that stand side by side in a structure are its table already.
+
+    Args:
+        block: block that takes the statements.
+        index: index, known on board.
+        values: numbers to choose from.
     """
     kind = values[0].kind
     if all(v.text == values[0].text for v in values):
@@ -254,7 +312,7 @@ def _points_at(
 
 
 def parts_of_scan(equation: Any) -> tuple[int, int]:
-    """How many constants a scan takes, and how many values it carries.
+    """Numbers of the constants that a scan takes and of the values it carries.
 
     By the shapes, which no version of JAX names differently: what is scanned over, or
     stacked, has an axis more outside the body than inside.

@@ -21,8 +21,8 @@ class Structure:
     """A structure of C for a pytree.
 
     Attributes:
-        name: of the type.
-        summary: what it is.
+        name: name of the type.
+        summary: sentence that describes it.
         example: the pytree.
         hidden: parts of it whose names are left out.
     """
@@ -60,10 +60,10 @@ class Argument:
     """An argument of a C function: the address of a structure.
 
     Attributes:
-        name: of the argument.
-        structure: what it points at.
-        reads: it is an argument of the function that is traced.
-        writes: it takes one of that function's results.
+        name: name of the argument.
+        structure: structure it points at.
+        reads: flag, it is an argument of the function that is traced.
+        writes: flag, it takes one of that function's results.
     """
 
     name: str
@@ -77,10 +77,10 @@ class Written:
     """A C function.
 
     Attributes:
-        prototype: without the semicolon.
-        summary: what it does.
+        prototype: prototype without the semicolon.
+        summary: sentence that describes it.
         text: the whole of it.
-        statements: those it needs.
+        statements: statements that it needs.
     """
 
     prototype: str
@@ -100,13 +100,13 @@ def write_function(
     """A C function from a pure one.
 
     Args:
-        name: of the C function.
-        summary: what it does.
-        function: takes the parameters and every argument that is read, in order;
-            returns a tuple with a result for every argument that is written.
+        name: name of the C function.
+        summary: sentence that describes it.
+        function: pure function; takes the parameters and every argument that is read,
+            in order; returns a tuple with a result for every argument that is written.
         parameters: name of the constant structure, and its pytree.
-        arguments: of the C function.
-        functions: shared with the other functions of the file.
+        arguments: arguments of the C function.
+        functions: functions of the file, shared with its other functions.
     """
     block = Block()
     numbers = []
@@ -133,11 +133,16 @@ def write_function(
     statements = block.needed(wanted)
     used = " ".join(s.text for s in statements) + " ".join(stores)
     unread = [a.name for a in arguments if not re.search(rf"\b{a.name}->", used)]
-    given = ", ".join(_declared(a) for a in arguments)
-    prototype = f"void {name}({given})"
+    signature = ", ".join(_declared(a) for a in arguments)
+    prototype = f"void {name}({signature})"
     body = [f"(void){n};" for n in unread]
     body += [s.text for s in statements] + stores
-    return Written(prototype, summary, _function(prototype, body), statements)
+    return Written(
+        prototype=prototype,
+        summary=summary,
+        text=_function(prototype, body),
+        statements=statements,
+    )
 
 
 def _declared(argument: Argument) -> str:
@@ -187,8 +192,8 @@ def helper_text(functions: Functions) -> str:
 
 
 def _static(function: Outlined) -> str:
-    given = [f"const {C_TYPES[k]} a{n}" for n, k in enumerate(function.arguments)]
-    given += [f"{C_TYPES[r.kind]} *r{n}" for n, r in enumerate(function.results)]
+    signature = [f"const {C_TYPES[k]} a{n}" for n, k in enumerate(function.arguments)]
+    signature += [f"{C_TYPES[r.kind]} *r{n}" for n, r in enumerate(function.results)]
     statements = function.block.needed(function.results)
     stores = [f"*r{n} = {r.text};" for n, r in enumerate(function.results)]
     used = " ".join([*(s.text for s in statements), *stores])
@@ -198,11 +203,17 @@ def _static(function: Outlined) -> str:
         if not re.search(rf"\ba{n}\b", used)
     ]
     body += [s.text for s in statements] + stores
-    return _function(f"static void {function.name}({', '.join(given)})", body)
+    return _function(f"static void {function.name}({', '.join(signature)})", body)
 
 
 def constants_text(kind: str, name: str, tree: Any) -> str:
-    """The definition of the constant structure that holds a pytree's numbers."""
+    """The definition of the constant structure that holds a pytree's numbers.
+
+    Args:
+        kind: name of the structure's type.
+        name: name of the constant.
+        tree: pytree of the numbers.
+    """
     lines = []
     for field, leaf in zip(fields_of(tree), jax.tree.leaves(tree), strict=True):
         values = [literal(x, field.kind).text for x in np.asarray(leaf).ravel()]

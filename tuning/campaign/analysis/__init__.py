@@ -1,1 +1,1 @@
-"""What follows from the rows: summaries, sensitivities, requirements."""
+"""Conclusions from the rows: summaries, sensitivities, requirements."""

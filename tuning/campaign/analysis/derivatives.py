@@ -1,8 +1,8 @@
-"""What an error answers to, from derivatives through the rollout.
+"""Sensitivity of the errors by derivatives through the rollout.
 
 |∂f/∂x_j| σ_j, f the root mean square of an error and σ_j the standard deviation of what
 is drawn: the change of f by a typical change of x_j, for small ones. The median over
-members says what is usual; single derivatives of long runs can be huge and foretell
+members says what is usual; single derivatives of long runs can be huge and predict
 nothing (see `rollout.evaluate`).
 """
 
@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.core.batching import map_members
+from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import evaluate
 from jaxglider.uncertainty.members import Member, with_member
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.loop import draw
-from tuning.campaign.run.rows import CHANNELS
 
 MEMBERS = 64
 _BLOCK = 32
@@ -29,8 +29,8 @@ def gradient_scores(
     """Median of |∂f/∂x_j| σ_j over members, for the error of each channel.
 
     Args:
-        campaign: its first members are taken.
-        number: of the set of gains.
+        campaign: campaign whose first members are taken.
+        number: number of the set of gains.
         count: members of the campaign.
 
     Returns:
@@ -49,14 +49,14 @@ def gradient_scores(
         for scale, q in zip(scales, campaign.uncertainty.quantities, strict=True)
     ]
     sizes = np.stack(columns, axis=-1)
-    found = {}
+    scores = {}
     for place, channel in enumerate(CHANNELS):
         usable = np.all(np.isfinite(sizes[:, place]), axis=1)
         median = np.median(sizes[usable, place], axis=0) if usable.any() else None
-        found[f"{channel}.rms_error"] = (
+        scores[f"{channel}.rms_error"] = (
             np.full(len(columns), np.nan) if median is None else median
         )
-    return found
+    return scores
 
 
 def _slopes(loop: ClosedLoop, member: Member) -> dict[str, jax.Array]:
@@ -64,8 +64,8 @@ def _slopes(loop: ClosedLoop, member: Member) -> dict[str, jax.Array]:
 
     def errors(values: dict[str, jax.Array]) -> jax.Array:
         metrics = evaluate(*with_member(loop, Member(values, member.key)))
-        found = [getattr(metrics.channels, c).rms_error for c in CHANNELS]
-        return jnp.stack(found)
+        columns = [getattr(metrics.channels, c).rms_error for c in CHANNELS]
+        return jnp.stack(columns)
 
     _, pull = jax.vjp(errors, member.values)
     # One backward pass after the other: side by side they would take three times

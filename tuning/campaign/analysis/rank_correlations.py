@@ -1,12 +1,13 @@
-"""Which uncertain number goes with trouble: rank correlations over the members."""
+"""Rank correlations of uncertain numbers with trouble, over the members."""
 
 from typing import Any
 
 import numpy as np
 from scipy import special
 
+from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.summary import severity
-from tuning.campaign.run.rows import CHANNELS, Rows
+from tuning.campaign.run.rows import Rows
 
 SEVERITY = "severity"
 """Name of the largest error over the edge of its funnel, over all channels."""
@@ -18,11 +19,17 @@ OUTPUTS = (
     *(f"{channel}.rms_error" for channel in CHANNELS),
     "max_roll",
 )
-"""What drivers are looked for of."""
+"""Results whose drivers are looked for."""
 
 
 def output(table: Rows, number: int, name: str) -> np.ndarray:
-    """One of `OUTPUTS` of each member; infinite for runs that failed."""
+    """One of `OUTPUTS` of each member; infinite for runs that failed.
+
+    Args:
+        table: rows of the campaign.
+        number: number of the set of gains.
+        name: name of the output.
+    """
     if name == LEFT:
         return table.left_funnel(number).astype(float)
     if name == SEVERITY:
@@ -43,8 +50,8 @@ def rank_correlations(values: np.ndarray, result: np.ndarray) -> dict[str, Any]:
     Runs that failed rank highest.
 
     Args:
-        values: one row a member, one column an uncertain number.
-        result: of each member.
+        values: values of the uncertain numbers, one row a member, one column a number.
+        result: result of each member.
 
     Returns:
         `rho`, `low` and `high`, one number a column; zero where nothing varies.
@@ -68,16 +75,16 @@ def drivers(table: Rows, names: tuple[str, ...], number: int) -> dict[str, Any]:
     """The rank correlations with each output, largest modulus first.
 
     Args:
-        table: of the campaign.
-        names: of the uncertain numbers.
-        number: of the set of gains.
+        table: rows of the campaign.
+        names: names of the uncertain numbers.
+        number: number of the set of gains.
     """
-    found = {}
+    tables = {}
     values = np.array(table.rows["values"])
     for name in OUTPUTS:
         ranked = rank_correlations(values, output(table, number, name))
         order = np.argsort(-np.abs(ranked["rho"]), kind="stable")
-        found[name] = [
+        tables[name] = [
             {
                 "quantity": names[j],
                 "rho": float(ranked["rho"][j]),
@@ -85,4 +92,4 @@ def drivers(table: Rows, names: tuple[str, ...], number: int) -> dict[str, Any]:
             }
             for j in order
         ]
-    return found
+    return tables

@@ -1,4 +1,4 @@
-"""What a user requires of a campaign, as `p_violation<0.01`; nothing here imports JAX.
+"""Requirements on a campaign, as `p_violation<0.01`; nothing here imports JAX.
 
 A requirement is met where the whole confidence interval is on the right side. Where
 only the estimate is, the members are too few to say so, and that does not count as met.
@@ -35,8 +35,8 @@ class Requirement:
     """One inequality.
 
     Attributes:
-        text: as it was given.
-        label: of the set of gains it is asked of; empty for all.
+        text: text of the requirement as the user wrote it.
+        label: label of the set of gains it is asked of; empty for all.
         quantity: a probability, or a measure with a statistic.
         comparison: the sign.
         limit: the number.
@@ -52,8 +52,8 @@ class Requirement:
         """Refuse what no campaign of these could say.
 
         Args:
-            labels: of the sets of gains.
-            measures: that are summarised.
+            labels: labels of the sets of gains.
+            measures: names of the measures that are summarised.
 
         Raises:
             ValueError: there is no such set of gains or measure.
@@ -74,13 +74,13 @@ class Requirement:
         """The verdict for each set of gains it is asked of.
 
         Args:
-            controllers: of the summary.
+            controllers: part of the summary about each controller.
         """
         chosen = [self.label] if self.label else list(controllers)
         return [self._judge(label, controllers[label]) for label in chosen]
 
-    def _judge(self, label: str, found: dict[str, Any]) -> dict[str, Any]:
-        estimate, interval = self._look_up(found)
+    def _judge(self, label: str, summary: dict[str, Any]) -> dict[str, Any]:
+        estimate, interval = self._look_up(summary)
         holds = _OPERATORS[self.comparison]
         less = self.comparison.startswith("<")
         end = interval[1 if less else 0] if interval else estimate
@@ -98,12 +98,12 @@ class Requirement:
             "verdict": verdict,
         }
 
-    def _look_up(self, found: dict[str, Any]) -> tuple[float | None, Any]:
+    def _look_up(self, summary: dict[str, Any]) -> tuple[float | None, Any]:
         if self.quantity in PROBABILITIES:
-            entry = found["probabilities"][self.quantity]
+            entry = summary["probabilities"][self.quantity]
             return entry["p"], entry["interval"]
         measure, _, statistic = self.quantity.rpartition(".")
-        entry = found["measures"][measure][statistic]
+        entry = summary["measures"][measure][statistic]
         if isinstance(entry, dict):
             return entry["value"], entry["interval"]
         return entry, None
@@ -135,4 +135,10 @@ def requirement(text: str) -> Requirement:
             "a measure with a statistic, as heading.rms_error.q95 (statistics: "
             f"{', '.join(STATISTICS)})."
         )
-    return Requirement(text, form[1] or "", quantity, form[3], limit)
+    return Requirement(
+        text=text,
+        label=form[1] or "",
+        quantity=quantity,
+        comparison=form[3],
+        limit=limit,
+    )

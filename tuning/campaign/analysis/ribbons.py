@@ -1,4 +1,4 @@
-"""How errors spread over time: a few hundred members, thinned, and the worst of all."""
+"""Errors over time: a few hundred members, thinned, and the worst of all."""
 
 import dataclasses
 
@@ -7,19 +7,18 @@ import numpy as np
 
 from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Series
-from jaxglider.signals import Channels
+from jaxglider.signals import CHANNELS, Channels
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import roll
 from jaxglider.simulation.tick import Carry, TickInput
 from jaxglider.uncertainty.members import Member, with_member
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.loop import draw
-from tuning.campaign.run.rows import CHANNELS
 
 MEMBERS = 256
-"""Whose errors the ribbons are made of."""
+"""Number of members, from the first, whose errors make the ribbons."""
 POINTS = 400
-"""Of a line."""
+"""Approximate number of points of a line."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,9 +26,9 @@ class Ribbons:
     """Errors of some members over time.
 
     Attributes:
-        time: of the points [s].
-        errors: of each channel [m, rad], one row a member; NaN after a course has
-            ended and where a run is not finite.
+        time: times of the points [s].
+        errors: errors of each channel [m, rad], one row a member; NaN after a course
+            has ended and where a run is not finite.
         edges: lower and upper edge of the funnel of each channel, of the worst member.
         worst: errors of the worst member.
     """
@@ -44,8 +43,8 @@ def ribbons(campaign: Campaign, number: int, count: int, worst: int) -> Ribbons:
     """Run members again and keep their errors.
 
     Args:
-        campaign: they belong to.
-        number: of the set of gains.
+        campaign: campaign they belong to.
+        number: number of the set of gains.
         count: members of the campaign; its first ones are taken.
         worst: number of the worst one.
     """
@@ -65,26 +64,26 @@ def ribbons(campaign: Campaign, number: int, count: int, worst: int) -> Ribbons:
     time = np.asarray(clock.times())[:-1][::step]
     errors, edges, last = {}, {}, {}
     for name in CHANNELS:
-        seen = np.where(active, getattr(error, name), np.nan)
-        errors[name], last[name] = seen[:-1], seen[-1]
+        curves = np.where(active, getattr(error, name), np.nan)
+        errors[name], last[name] = curves[:-1], curves[-1]
         edges[name] = (getattr(lower, name)[-1], getattr(upper, name)[-1])
-    return Ribbons(time, errors, edges, last)
+    return Ribbons(time=time, errors=errors, edges=edges, worst=last)
 
 
 def _errors(
     loop: ClosedLoop, member: Member, step: int
 ) -> tuple[Series, Channels[Series], Channels[Series], Channels[Series]]:
     def tick(
-        carry: Carry, given: TickInput
+        carry: Carry, inputs: TickInput
     ) -> tuple[Carry, tuple[Series, Channels[Series], Channels[Series], Channels]]:
-        after, record = loop_of_member.tick(carry, given)
+        after, record = loop_of_member.tick(carry, inputs)
         limits = record.limits
         lower = Channels(limits.depth.lower, limits.pitch.lower, limits.heading.lower)
         upper = Channels(limits.depth.upper, limits.pitch.upper, limits.heading.upper)
         return after, (record.active, record.error, lower, upper)
 
     loop_of_member, sea, noise = with_member(loop, member)
-    kept = roll(loop_of_member, sea, noise, tick)[1]
+    outputs = roll(loop_of_member, sea, noise, tick)[1]
     thinned: tuple[Series, Channels[Series], Channels[Series], Channels[Series]]
-    thinned = jax.tree.map(lambda x: x[::step], kept)
+    thinned = jax.tree.map(lambda x: x[::step], outputs)
     return thinned

@@ -1,4 +1,4 @@
-"""Which uncertain number is to blame, three ways: Sobol, ranks, derivatives.
+"""Sensitivity to the uncertain numbers three ways: Sobol, ranks, derivatives.
 
 The runs for Sobol indices go through the campaign's own engine and are kept beside its
 rows, in `sobol.bin`: killed, they go on where they were.
@@ -30,10 +30,10 @@ def design_of(campaign: Campaign, blocks: int) -> Saltelli:
     """The design of the runs for Sobol indices."""
     uncertainty = campaign.uncertainty
     return Saltelli(
-        campaign.settings.seed,
-        len(uncertainty.quantities),
-        blocks,
-        uncertainty.has_chance(),
+        seed=campaign.settings.seed,
+        columns=len(uncertainty.quantities),
+        bases=blocks,
+        chance=uncertainty.has_chance(),
     )
 
 
@@ -48,12 +48,12 @@ def run_blocks(
     """Run what is not yet run of the blocks, and return their rows.
 
     Args:
-        campaign: whose members they are like.
-        blocks: how many.
-        engine: makes the engine.
-        path: of the file that keeps the rows.
+        campaign: campaign whose members they are like.
+        blocks: number of blocks.
+        engine: maker of the engine.
+        path: path of the file that keeps the rows.
         kind: type of the rows.
-        progress: told how many runs are done, and of how many.
+        progress: callback with the numbers of runs done and of all runs.
 
     Raises:
         OSError: the rows cannot be written.
@@ -80,21 +80,21 @@ def sensitivities(
     """Add to the summary what each set of gains answers to.
 
     Args:
-        campaign: it is about.
-        blocks: of the runs for Sobol indices.
+        campaign: campaign they are about.
+        blocks: number of blocks of the runs for Sobol indices.
         table: rows of the campaign.
         runs: rows of the blocks.
-        summary: holds the rank correlations already.
+        summary: summary, with the rank correlations already in it.
     """
     design = design_of(campaign, blocks)
     names = [*campaign.uncertainty.names(), *([CHANCE] if design.chance else [])]
-    for number, found in enumerate(summary["controllers"].values()):
+    for number, part in enumerate(summary["controllers"].values()):
         scores = gradient_scores(campaign, number, len(table))
-        found["sensitivity"] = {
+        part["sensitivity"] = {
             name: _one(
                 names,
                 indices(output(runs, number, name).reshape(blocks, design.block)),
-                found["rank_correlations"][name],
+                part["rank_correlations"][name],
                 scores.get(name),
             )
             for name in OUTPUTS
@@ -129,10 +129,10 @@ def _one(
 
 
 def agreement(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """How far the ways agree on the order of the factors, and where they do not.
+    """Agreement of the ways on the order of the factors, and their disagreements.
 
     Args:
-        rows: of the factors; those are compared that all ways know of.
+        rows: scores of the factors; those are compared that all ways know of.
 
     Returns:
         `agreement`, Spearman's correlation of the scores of each two ways, and
@@ -152,20 +152,24 @@ def agreement(rows: list[dict[str, Any]]) -> dict[str, Any]:
         all(scores[i] is not None for scores in ways.values() if any(scores))
         for i in range(len(rows))
     ]
-    kept = {
+    complete = {
         way: np.array([s for s, k in zip(scores, known, strict=True) if k], float)
         for way, scores in ways.items()
         if any(scores)
     }
     listed = [row["quantity"] for row, k in zip(rows, known, strict=True) if k]
-    places = {way: stats.rankdata(-scores, "ordinal") for way, scores in kept.items()}
-    found: dict[str, float] = {}
+    places = {
+        way: stats.rankdata(-scores, "ordinal") for way, scores in complete.items()
+    }
+    correlations: dict[str, float] = {}
     apart = []
-    for one in kept:
-        for other in kept:
+    for one in complete:
+        for other in complete:
             if one < other and len(listed) > 2:
                 pair = f"{one} / {other}"
-                found[pair] = float(stats.spearmanr(kept[one], kept[other]).statistic)
+                correlations[pair] = float(
+                    stats.spearmanr(complete[one], complete[other]).statistic
+                )
             for name, here, there in zip(
                 listed, places[one], places[other], strict=True
             ):
@@ -174,4 +178,4 @@ def agreement(rows: list[dict[str, Any]]) -> dict[str, Any]:
                         f"{name} is number {int(here)} by {one}, "
                         f"{int(there)} by {other}"
                     )
-    return {"agreement": found, "disagreements": apart}
+    return {"agreement": correlations, "disagreements": apart}

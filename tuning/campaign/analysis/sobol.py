@@ -29,8 +29,8 @@ class Saltelli(AbstractSampler):
     """Blocks of 2 + k rows: A_i, B_i, then A_i with column j of B_i for each factor j.
 
     Attributes:
-        seed: of the scrambling.
-        columns: how many uncertain numbers.
+        seed: seed of the scrambling.
+        columns: number of uncertain numbers.
         bases: number of blocks.
         chance: whether what is left to chance within a run is a factor of its own,
             after the others.
@@ -54,15 +54,15 @@ class Saltelli(AbstractSampler):
     def rows(self, first: int, count: int) -> np.ndarray:
         """Coordinates of runs `first` to `first + count`."""
         points = _points(self.seed, self.columns, self.bases)
-        found = np.empty((count, self.columns))
+        coordinates = np.empty((count, self.columns))
         for at in range(count):
             base, place = divmod(first + at, self.block)
             a, b = np.split(points[base], 2)
-            found[at] = b if place == 1 else a
+            coordinates[at] = b if place == 1 else a
             factor = place - 2
             if 0 <= factor < self.columns:
-                found[at, factor] = b[factor]
-        return found
+                coordinates[at, factor] = b[factor]
+        return coordinates
 
     def key_numbers(self, first: int, count: int) -> np.ndarray:
         """Numbers of the keys of these runs: those of A and of B differ."""
@@ -89,31 +89,31 @@ def indices(results: np.ndarray, seed: int = 0) -> dict[str, Any]:
     is said.
 
     Args:
-        results: one row a block: f(A), f(B), f(AB_1) and so on.
-        seed: of the resampling.
+        results: results, one row a block: f(A), f(B), f(AB_1) and so on.
+        seed: seed of the resampling.
 
     Returns:
         `first` and `total`, rows of estimate, lower and upper end; `blocks` used and
         `left_out`. None for both where nothing varies.
     """
     usable = np.all(np.isfinite(results), axis=1)
-    kept = results[usable]
-    found: dict[str, Any] = {
-        "blocks": len(kept),
+    blocks = results[usable]
+    table: dict[str, Any] = {
+        "blocks": len(blocks),
         "left_out": int(np.sum(~usable)),
         "first": None,
         "total": None,
     }
-    if len(kept) < 2 or np.ptp(kept[:, :2]) == 0.0:
-        return found
+    if len(blocks) < 2 or np.ptp(blocks[:, :2]) == 0.0:
+        return table
     rng = np.random.default_rng(seed)
-    again = rng.integers(0, len(kept), (REPEATS, len(kept)))
-    estimate = _estimate(kept)
-    resampled = np.stack([_estimate(kept[rows]) for rows in again])
+    again = rng.integers(0, len(blocks), (REPEATS, len(blocks)))
+    estimate = _estimate(blocks)
+    resampled = np.stack([_estimate(blocks[rows]) for rows in again])
     low, high = np.nanquantile(resampled, [0.025, 0.975], axis=0)
     for row, name in enumerate(("first", "total")):
-        found[name] = np.stack([estimate[row], low[row], high[row]])
-    return found
+        table[name] = np.stack([estimate[row], low[row], high[row]])
+    return table
 
 
 def _estimate(results: np.ndarray) -> np.ndarray:

@@ -1,11 +1,12 @@
-"""What a campaign says: probabilities, measures and comparisons, as plain numbers."""
+"""Summary of a campaign: probabilities, measures, comparisons as plain numbers."""
 
 from typing import Any
 
 import numpy as np
 
+from jaxglider.signals import CHANNEL_UNITS, CHANNELS
 from tuning.campaign.run.campaign import CampaignSettings
-from tuning.campaign.run.rows import CHANNELS, Rows
+from tuning.campaign.run.rows import Rows
 from tuning.reporting.statistics import (
     discordant,
     paired_difference,
@@ -51,10 +52,10 @@ def summarise(
     """The summary of a campaign.
 
     Args:
-        settings: of the campaign.
-        table: its rows.
-        kinds: of the controllers.
-        waypoints: of the course, or None where there is none.
+        settings: settings of the campaign.
+        table: rows of the campaign.
+        kinds: kinds of the controllers.
+        waypoints: number of waypoints of the course, or None where there is none.
         level: confidence of the intervals.
     """
     controllers = {}
@@ -70,7 +71,7 @@ def summarise(
                 name: spread(table.column(number, name), level) for name in MEASURES
             },
         }
-    told = settings.uncertainty
+    uncertainty = settings.uncertainty
     return {
         "scenario": settings.scenario,
         "plant": settings.plant,
@@ -78,7 +79,7 @@ def summarise(
         "precision": settings.precision,
         "design": settings.design,
         "seed": settings.seed,
-        "uncertainty": told if isinstance(told, float) else "file",
+        "uncertainty": uncertainty if isinstance(uncertainty, float) else "file",
         "members": len(table),
         "members_asked_for": settings.members,
         "confidence": level,
@@ -90,7 +91,14 @@ def summarise(
 def probabilities(
     table: Rows, number: int, waypoints: int | None, level: float
 ) -> dict[str, Any]:
-    """How likely each kind of trouble is; a failed run counts as all of them."""
+    """Probability of each kind of trouble; a failed run counts as all of them.
+
+    Args:
+        table: rows of the campaign.
+        number: number of the set of gains.
+        waypoints: number of waypoints of the course, or None where there is none.
+        level: level of confidence of the intervals.
+    """
     events = {"p_violation": table.left_funnel(number)}
     for channel in CHANNELS:
         events[f"p_violation_{channel}"] = table.left_funnel(number, channel)
@@ -149,28 +157,30 @@ LINES = {
 def text_summary(summary: dict[str, Any]) -> str:
     """The summary as a table for a terminal."""
     controllers = summary["controllers"]
-    told = summary["uncertainty"]
-    half = f"{100 * told:g} %" if isinstance(told, float) else "from a file"
+    uncertainty = summary["uncertainty"]
+    half = (
+        f"{100 * uncertainty:g} %" if isinstance(uncertainty, float) else "from a file"
+    )
     rows = [["probability", *controllers]]
     for name, title in LINES.items():
         if name == "p_unfinished" and not summary["has_waypoints"]:
             continue
-        found = [of["probabilities"][name] for of in controllers.values()]
-        rows.append([title, *map(in_interval, found)])
+        entries = [of["probabilities"][name] for of in controllers.values()]
+        rows.append([title, *map(in_interval, entries)])
     rows.append(["95 % of members below"])
-    for channel, unit in CHANNELS.items():
+    for channel, unit in CHANNEL_UNITS.items():
         name = f"{channel}.rms_error"
-        found = [of["measures"][name]["q95"] for of in controllers.values()]
-        rows.append([f"  {channel} L2[e] [{unit}]", *map(_quantile, found)])
+        entries = [of["measures"][name]["q95"] for of in controllers.values()]
+        rows.append([f"  {channel} L2[e] [{unit}]", *map(_quantile, entries)])
     lines = [
         f"{summary['members']} members, {summary['scenario']} on {summary['plant']}, "
         f"uncertainty {half}, {100 * summary['confidence']:g} % intervals",
         *_aligned(rows),
     ]
-    for label, found in controllers.items():
+    for label, entries in controllers.items():
         lines.append(
-            f"{label}: worst member {found['worst_member']}, "
-            f"median {found['median_member']}"
+            f"{label}: worst member {entries['worst_member']}, "
+            f"median {entries['median_member']}"
         )
     for entry in summary.get("requirements", ()):
         lines.append(
@@ -187,14 +197,14 @@ def _aligned(rows: list[list[str]]) -> list[str]:
     return [line.rstrip() for line in lines]
 
 
-def in_interval(found: dict[str, Any]) -> str:
+def in_interval(estimate: dict[str, Any]) -> str:
     """A probability with its interval."""
-    low, high = found["interval"]
-    return f"{found['p']:.4g} [{low:.4g}, {high:.4g}]"
+    low, high = estimate["interval"]
+    return f"{estimate['p']:.4g} [{low:.4g}, {high:.4g}]"
 
 
-def _quantile(found: dict[str, Any]) -> str:
-    return f"{short(found['value'])} {brackets(found['interval'])}"
+def _quantile(estimate: dict[str, Any]) -> str:
+    return f"{short(estimate['value'])} {brackets(estimate['interval'])}"
 
 
 def brackets(interval: list[Any] | None) -> str:

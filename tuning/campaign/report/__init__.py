@@ -1,1 +1,1 @@
-"""What is written and drawn of a campaign."""
+"""Reports and figures of a campaign."""

@@ -1,4 +1,4 @@
-"""What follows from a campaign's rows, written."""
+"""Conclusions from a campaign's rows, written to files."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ def exit_code(summary: dict[str, Any]) -> int:
 
 @dataclasses.dataclass(frozen=True)
 class Conclusions:
-    """What is drawn from the rows of a campaign.
+    """Choice of the conclusions to draw from the rows of a campaign.
 
     Attributes:
         confidence: level of all intervals, in (0, 1).
@@ -53,7 +53,7 @@ def conclude(
     """The summary of a campaign or of a part of it.
 
     Args:
-        conclusions: what is drawn from the rows.
+        conclusions: choice of the report and of the sensitivities.
         campaign: campaign that the rows belong to.
         rows: rows of the campaign or of a part of it.
         about: provenance.
@@ -100,7 +100,7 @@ def write_conclusions(
         campaign: campaign that the rows belong to.
         manifest: manifest of the campaign or of a part of it.
         rows: rows of the campaign or of a part of it.
-        summary: what they come to.
+        summary: summary of the rows.
         report: whether there is to be a report.
         progress: line that shows how far it is; none by default.
 

@@ -8,8 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from jaxglider.plotting.style import FAINT, INK, flat, label_time, legend_above, styles
+from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.ribbons import Ribbons
-from tuning.campaign.run.rows import CHANNELS, Rows
+from tuning.campaign.run.rows import Rows
 from tuning.reporting.statistics import clopper_pearson
 
 _SHOWN = {"depth": ("m", 1.0), "pitch": ("deg", 180.0 / np.pi)}
@@ -17,30 +18,32 @@ _SHOWN["heading"] = _SHOWN["pitch"]
 _POINTS = 60
 
 
-def draw_ribbons(axes: Any, seen: Ribbons, colour: str) -> Any:
-    """Where 90 % of the members' errors are, their median, and the worst member.
+def draw_ribbons(axes: Any, ribbons: Ribbons, colour: str) -> Any:
+    """The range of 90 % of the members' errors, their median, and the worst member.
 
     Args:
-        axes: three, for depth, pitch and heading.
-        seen: errors over time.
-        colour: of the ribbon.
+        axes: three axes, for depth, pitch and heading.
+        ribbons: errors over time.
+        colour: colour of the ribbon.
     """
     panels = flat(axes, 3, "draw_ribbons")
     for axis, channel in zip(panels, CHANNELS, strict=True):
         unit, scale = _SHOWN[channel]
-        kept = np.any(np.isfinite(seen.errors[channel]), axis=0)
-        time = seen.time[kept]
+        known = np.any(np.isfinite(ribbons.errors[channel]), axis=0)
+        time = ribbons.time[known]
         low, middle, high = scale * np.nanquantile(
-            seen.errors[channel][:, kept], [0.05, 0.5, 0.95], axis=0
+            ribbons.errors[channel][:, known], [0.05, 0.5, 0.95], axis=0
         )
         axis.fill_between(time, low, high, color=colour, alpha=0.3, lw=0.0)
         axis.plot(time, middle, color=colour)
-        axis.plot(seen.time, scale * seen.worst[channel], color=INK, lw=0.7, ls="--")
-        for edge in seen.edges[channel]:
-            axis.plot(seen.time, scale * edge, color=FAINT, lw=0.8, ls=":")
-        _within(axis, scale, seen, channel)
+        axis.plot(
+            ribbons.time, scale * ribbons.worst[channel], color=INK, lw=0.7, ls="--"
+        )
+        for edge in ribbons.edges[channel]:
+            axis.plot(ribbons.time, scale * edge, color=FAINT, lw=0.8, ls=":")
+        _within(axis, scale, ribbons, channel)
         axis.set_ylabel(f"{channel} error ({unit})")
-    label_time(panels, float(seen.time[-1]))
+    label_time(panels, float(ribbons.time[-1]))
     legend_above(
         panels[0],
         [
@@ -53,12 +56,12 @@ def draw_ribbons(axes: Any, seen: Ribbons, colour: str) -> Any:
     return axes
 
 
-def _within(axis: Axes, scale: float, seen: Ribbons, channel: str) -> None:
+def _within(axis: Axes, scale: float, ribbons: Ribbons, channel: str) -> None:
     """Look at three times the widest funnel at most."""
-    widest = scale * max(np.nanmax(np.abs(edge)) for edge in seen.edges[channel])
-    shown = np.concatenate([seen.worst[channel], seen.errors[channel].ravel()])
-    shown = scale * np.abs(shown[np.isfinite(shown)])
-    largest = max(float(shown.max()) if shown.size else 0.0, widest)
+    widest = scale * max(np.nanmax(np.abs(edge)) for edge in ribbons.edges[channel])
+    sizes = np.concatenate([ribbons.worst[channel], ribbons.errors[channel].ravel()])
+    sizes = scale * np.abs(sizes[np.isfinite(sizes)])
+    largest = max(float(sizes.max()) if sizes.size else 0.0, widest)
     reach = min(1.08 * largest, 3.0 * widest)
     axis.set_ylim(-reach, reach)
     if largest > reach:
@@ -86,11 +89,11 @@ def convergence(axis: Axes, table: Rows) -> Axes:
 
 
 def distributions(axes: Any, table: Rows) -> Any:
-    """How the errors of the members are distributed, one curve a set of gains.
+    """Distributions of the members' errors, one curve a set of gains.
 
     Args:
-        axes: three, for depth, pitch and heading.
-        table: of the campaign.
+        axes: three axes, for depth, pitch and heading.
+        table: rows of the campaign.
     """
     panels = flat(axes, 3, "distributions")
     for axis, channel in zip(panels, CHANNELS, strict=True):
@@ -135,11 +138,11 @@ def scatter(
     """The severity of each member against one uncertain number.
 
     Args:
-        axis: to draw on.
-        values: of the number.
-        name: of the number, with its unit.
+        axis: axes to draw on.
+        values: values of the number.
+        name: name of the number, with its unit.
         severity: largest error over the edge of its funnel; infinite for failures.
-        colour: of the points.
+        colour: colour of the points.
     """
     known = np.isfinite(severity)
     axis.scatter(values[known], severity[known], s=3.0, color=colour, alpha=0.5, lw=0.0)
@@ -162,15 +165,15 @@ def bars(
     """Horizontal bars with intervals, the first name on top.
 
     Args:
-        axis: to draw on.
-        names: of the rows.
-        groups: by label: values, lower ends and upper ends, one each a row.
-        colours: of the groups.
+        axis: axes to draw on.
+        names: names of the rows.
+        groups: values, lower ends and upper ends by label, each with one number a row.
+        colours: colours of the groups.
     """
     wide = 0.8 / len(groups)
     rows = np.arange(len(names))
-    drawn = zip(groups.items(), colours, strict=True)
-    for place, ((label, (value, low, high)), colour) in enumerate(drawn):
+    pairs = zip(groups.items(), colours, strict=True)
+    for place, ((label, (value, low, high)), colour) in enumerate(pairs):
         at = rows + wide * (place - (len(groups) - 1) / 2)
         axis.barh(at, value, wide, color=colour, label=label)
         ends = np.stack([value - low, high - value])
@@ -185,16 +188,16 @@ def bars(
 
 def levels(axis: Axes, summaries: Sequence[dict[str, Any]]) -> Axes:
     """The probability of leaving a funnel against how much is uncertain."""
-    told = [100.0 * summary["uncertainty"] for summary in summaries]
+    widths = [100.0 * summary["uncertainty"] for summary in summaries]
     for label, style in styles(summaries[0]["controllers"]).items():
-        found = [
+        entries = [
             summary["controllers"][label]["probabilities"]["p_violation"]
             for summary in summaries
         ]
-        p = np.asarray([entry["p"] for entry in found])
-        ends = np.asarray([entry["interval"] for entry in found])
+        p = np.asarray([entry["p"] for entry in entries])
+        ends = np.asarray([entry["interval"] for entry in entries])
         axis.errorbar(
-            told,
+            widths,
             p,
             yerr=np.maximum([p - ends[:, 0], ends[:, 1] - p], 0.0),
             color=style.colour,

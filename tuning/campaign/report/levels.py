@@ -14,7 +14,7 @@ from tuning.reporting.output_folder import LOCK
 from tuning.reporting.tables import markdown_table
 
 _WRITTEN = ("", ".", "..", "summary.json", "report.md", "levels.png", LOCK)
-"""Names that are taken in the folder that holds those of the levels."""
+"""Names in use in the folder that holds those of the levels."""
 _EVENTS = {
     "p_violation": "left a funnel",
     "p_capsize": "rolled past 90 deg",
@@ -25,7 +25,7 @@ _EVENTS = {
 def folder_names(levels: Sequence[float | Path]) -> dict[float | Path, str]:
     """Names of the folders that the results of several levels are written to.
 
-    A file's is its own; where that is taken, the folders that it is in go before it.
+    A file has its own name; where that is in use, its folders go before it.
 
     Raises:
         ValueError: two levels would be written to one folder.
@@ -34,14 +34,14 @@ def folder_names(levels: Sequence[float | Path]) -> dict[float | Path, str]:
         level: level.stem if isinstance(level, Path) else f"uncertainty-{level!r}"
         for level in levels
     }
-    taken = [*_WRITTEN, *map(str.casefold, names.values())]
+    used = [*_WRITTEN, *map(str.casefold, names.values())]
     for level, name in names.items():
-        if isinstance(level, Path) and taken.count(name.casefold()) > 1:
+        if isinstance(level, Path) and used.count(name.casefold()) > 1:
             parts = level.with_suffix("").parts
             names[level] = "-".join(p for p in parts if p not in (".", "..", "/"))
-    taken = [*_WRITTEN, *map(str.casefold, names.values())]
+    used = [*_WRITTEN, *map(str.casefold, names.values())]
     for level, name in names.items():
-        if taken.count(name.casefold()) > 1:
+        if used.count(name.casefold()) > 1:
             raise ValueError(
                 f"--uncertainty {level}: its results would be written to {name!r}, "
                 "which another level or the report of all has. Rename the file."
@@ -55,26 +55,26 @@ def write_levels(
     """Write summary.json and report.md of all levels.
 
     Args:
-        folder: that holds those of the levels.
-        summaries: by name of the level's own folder.
-        draws: the report, too.
+        folder: folder that holds the folders of the levels.
+        summaries: summaries by the names of the levels' own folders.
+        draws: flag, the report is written and drawn besides summary.json.
     """
     write_json(folder / "summary.json", {"levels": named(summaries)})
     if not draws:
         return
-    found = list(summaries.values())
+    ordered = list(summaries.values())
     parts = [
-        f"# How sure: {found[0]['scenario']} on {found[0]['plant']}\n",
-        f"{found[0]['members']} members at each level, with the same draws, only "
-        f"wider. Brackets are {100 * found[0]['confidence']:g} % intervals.\n",
+        f"# How sure: {ordered[0]['scenario']} on {ordered[0]['plant']}\n",
+        f"{ordered[0]['members']} members at each level, with the same draws, only "
+        f"wider. Brackets are {100 * ordered[0]['confidence']:g} % intervals.\n",
     ]
-    if all(isinstance(summary["uncertainty"], float) for summary in found):
+    if all(isinstance(summary["uncertainty"], float) for summary in ordered):
         with look():
             figure = new_figure(COLUMN, 2.6)
-            figures.levels(figure.subplots(), found)
+            figures.levels(figure.subplots(), ordered)
             save(figure, folder / "levels.png")
         parts.append("![levels](levels.png)\n")
-    labels = list(found[0]["controllers"])
+    labels = list(ordered[0]["controllers"])
     for event, title in _EVENTS.items():
         rows = [
             [f"[{name}]({name}/report.md)"]
@@ -104,6 +104,6 @@ def named(summaries: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
     return [{"level": name, **summary} for name, summary in summaries.items()]
 
 
-def _strongest(found: dict[str, Any]) -> list[str]:
-    ranked = found["rank_correlations"][SEVERITY][:4]
+def _strongest(controller: dict[str, Any]) -> list[str]:
+    ranked = controller["rank_correlations"][SEVERITY][:4]
     return [f"{entry['quantity']} {entry['rho']:+.2f}" for entry in ranked]

@@ -15,6 +15,7 @@ from jaxglider.plotting.style import (
     new_figure,
     styles,
 )
+from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.rank_correlations import SEVERITY
 from tuning.campaign.analysis.ribbons import ribbons
 from tuning.campaign.analysis.summary import (
@@ -27,7 +28,7 @@ from tuning.campaign.analysis.summary import (
 from tuning.campaign.report import figures
 from tuning.campaign.report.sensitivity_section import blamed, sobol_figure
 from tuning.campaign.run.campaign import Campaign
-from tuning.campaign.run.rows import CHANNELS, Rows, unit
+from tuning.campaign.run.rows import Rows, unit
 from tuning.reporting.tables import markdown_table
 
 _TOP = 8
@@ -39,10 +40,10 @@ def write_campaign_report(
     """Write report.md and its figures.
 
     Args:
-        folder: of the campaign.
-        campaign: it is about.
-        table: its rows.
-        summary: what they come to.
+        folder: folder of the campaign.
+        campaign: campaign it is about.
+        table: rows of the campaign.
+        summary: summary of the rows.
     """
     names = _figures(folder / "figures", campaign, table, summary)
     parts = [_head(summary), *_likely(summary), *_required(summary)]
@@ -54,12 +55,12 @@ def write_campaign_report(
 
 
 def _head(summary: dict[str, Any]) -> str:
-    told = summary["uncertainty"]
+    uncertainty = summary["uncertainty"]
     how = (
         "Masses, inertias and hydrodynamic coefficients differ by up to "
-        f"±{100 * told:g} %, evenly, and so do the amplitudes of the waves; their "
-        "phases are free."
-        if isinstance(told, float)
+        f"±{100 * uncertainty:g} %, evenly, and so do the amplitudes of the waves; "
+        "their phases are free."
+        if isinstance(uncertainty, float)
         else "What is uncertain, and how, is in `campaign.json`."
     )
     exact = (
@@ -117,8 +118,8 @@ def _measures(summary: dict[str, Any]) -> list[str]:
     named = {f"{c}.{m}": f"{c} {t}" for c in CHANNELS for m, t in titles.items()}
     rows = []
     for name, title in {**named, "max_roll": "largest roll"}.items():
-        for label, found in summary["controllers"].items():
-            spread = found["measures"][name]
+        for label, controller in summary["controllers"].items():
+            spread = controller["measures"][name]
             cells = [
                 f"{short(spread[q]['value'])} {brackets(spread[q]['interval'])}"
                 for q in ("q50", "q95", "cvar95")
@@ -144,10 +145,10 @@ def _compared(summary: dict[str, Any]) -> list[str]:
         rows = [
             [
                 f"{name} [{unit(name)}]",
-                f"{short(found['difference'])} {brackets(found['interval'])}",
-                f"{short(found['win_rate'])} {brackets(found['win_interval'])}",
+                f"{short(measure['difference'])} {brackets(measure['interval'])}",
+                f"{short(measure['win_rate'])} {brackets(measure['win_interval'])}",
             ]
-            for name, found in pair["measures"].items()
+            for name, measure in pair["measures"].items()
         ]
         head = ["measure", "mean difference", f"{pair['second']} lower"]
         parts += markdown_table(head, rows, 1)
@@ -156,23 +157,23 @@ def _compared(summary: dict[str, Any]) -> list[str]:
 
 def _failed(summary: dict[str, Any]) -> list[str]:
     parts = []
-    for label, found in summary["controllers"].items():
-        failed = found["failed_members"]
+    for label, controller in summary["controllers"].items():
+        failed = controller["failed_members"]
         if failed:
             listed = ", ".join(str(n) for n in failed[:20])
             more = f" and {len(failed) - 20} more (summary.json)" * (len(failed) > 20)
             parts.append(f"- {label}: not finite in members {listed}{more}")
         parts.append(
-            f"- {label}: worst member {found['worst_member']}, median "
-            f"{found['median_member']}; `jaxglider rerun` shows them"
+            f"- {label}: worst member {controller['worst_member']}, median "
+            f"{controller['median_member']}; `jaxglider rerun` shows them"
         )
     return ["## Members to look at\n", *parts, ""]
 
 
 def _driven(summary: dict[str, Any]) -> list[str]:
     rows = []
-    for label, found in summary["controllers"].items():
-        for output, ranked in found["rank_correlations"].items():
+    for label, controller in summary["controllers"].items():
+        for output, ranked in controller["rank_correlations"].items():
             leading = [
                 f"{entry['quantity']} {entry['rho']:+.2f}" for entry in ranked[:4]
             ]
@@ -220,19 +221,21 @@ def _figures(
         save(figure, folder / "scatter.png")
         _correlation_bars(folder, summary)
         names = ["scatter", "rank_correlations"]
-        for number, found in enumerate(summary["controllers"].values()):
-            if "sensitivity" in found:
+        for number, controller in enumerate(summary["controllers"].values()):
+            if "sensitivity" in controller:
                 names.append(f"sobol_{number}")
-                save(sobol_figure(found), folder / f"sobol_{number}.png")
+                save(sobol_figure(controller), folder / f"sobol_{number}.png")
         for number, (label, style) in enumerate(styled.items()):
-            seen = ribbons(
+            curves = ribbons(
                 campaign,
                 number,
                 len(table),
                 summary["controllers"][label]["worst_member"],
             )
             figure = new_figure(COLUMN, 4.6)
-            figures.draw_ribbons(figure.subplots(3, 1, sharex=True), seen, style.colour)
+            figures.draw_ribbons(
+                figure.subplots(3, 1, sharex=True), curves, style.colour
+            )
             figure.suptitle(label, fontsize=8.0)
             names.append(f"ribbons_{number}")
             save(figure, folder / f"ribbons_{number}.png")
@@ -241,12 +244,12 @@ def _figures(
 
 def _correlation_bars(folder: Path, summary: dict[str, Any]) -> None:
     """The strongest rank correlations with the severity, of every set of gains."""
-    found = {
+    correlations = {
         label: {e["quantity"]: e for e in entry["rank_correlations"][SEVERITY]}
         for label, entry in summary["controllers"].items()
     }
-    first = next(iter(found.values()))
-    strongest = {q: max(abs(f[q]["rho"]) for f in found.values()) for q in first}
+    first = next(iter(correlations.values()))
+    strongest = {q: max(abs(f[q]["rho"]) for f in correlations.values()) for q in first}
     names = sorted(strongest, key=lambda q: -strongest[q])[:_TOP]
     groups = {
         label: (
@@ -254,11 +257,11 @@ def _correlation_bars(folder: Path, summary: dict[str, Any]) -> None:
             np.array([entries[q]["interval"][0] for q in names]),
             np.array([entries[q]["interval"][1] for q in names]),
         )
-        for label, entries in found.items()
+        for label, entries in correlations.items()
     }
     figure = new_figure(COLUMN, 0.6 + 0.32 * len(names))
     axis = figure.subplots()
-    colours = [style.colour for style in styles(found).values()]
+    colours = [style.colour for style in styles(correlations).values()]
     figures.bars(axis, names, groups, colours)
     axis.set_xlabel("rank correlation with the severity")
     legend_above(axis, axis.get_legend_handles_labels()[0])

@@ -18,8 +18,8 @@ _DRAWN = {LEFT: "leaving a funnel", SEVERITY: "the severity"}
 def blamed(summary: dict[str, Any]) -> list[str]:
     """The sensitivities of every set of gains, in Markdown; nothing where none are."""
     parts: list[str] = []
-    for label, found in summary["controllers"].items():
-        for output, one in found.get("sensitivity", {}).items():
+    for label, controller in summary["controllers"].items():
+        for output, one in controller.get("sensitivity", {}).items():
             parts.append(f"### {label}: {output}\n")
             parts += _rows(one) + _words(one)
     if not parts:
@@ -71,17 +71,19 @@ def _words(one: dict[str, Any]) -> list[str]:
     return ["\n".join(lines) + "\n"]
 
 
-def sobol_figure(found: dict[str, Any]) -> Figure:
+def sobol_figure(sensitivity: dict[str, Any]) -> Figure:
     """Sorted bars of total and first indices, of leaving a funnel and how far.
 
     Args:
-        found: of one set of gains in the summary.
+        sensitivity: sensitivities of one set of gains in the summary.
     """
     figure = new_figure(PAGE, 3.2)
     panels = figure.subplots(1, len(_DRAWN))
     colours = [style.colour for style in distinct_styles(2)]
     for axis, (output, title) in zip(panels, _DRAWN.items(), strict=True):
-        rows = [row for row in found["sensitivity"][output]["rows"] if "total" in row]
+        rows = [
+            row for row in sensitivity["sensitivity"][output]["rows"] if "total" in row
+        ]
         rows = rows[:_TOP]
         axis.set_xlabel(f"Sobol index of {title}")
         if not rows:

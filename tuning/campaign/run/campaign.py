@@ -1,4 +1,4 @@
-"""What defines a campaign: every row follows from this, and from nothing else.
+"""Definition of a campaign: every row follows from this, and from nothing else.
 
 It is kept beside the rows, whole files and all, so that a campaign can be gone on with,
 joined or run again where the files it was made from are gone or changed.
@@ -37,13 +37,14 @@ class CampaignSettings:
         scenario: `switching`, `waypoints`, or the mission's name.
         plant: name of the plant.
         dt: control tick [s]; None for the case's own.
-        duration: horizon [s]; likewise.
-        precision: of the rollouts, 32 or 64 bits.
-        seed: of the members.
-        members: how many, over all shards; the most there can be with `--until-ci`.
-        design: how they are placed, `monte-carlo`, `latin-hypercube` or `sobol`.
+        duration: horizon [s]; None for the case's own.
+        precision: bits of a number in the rollouts, 32 or 64.
+        seed: seed of the members.
+        members: number of members over all shards; the most there can be with
+            `--until-ci`.
+        design: name of the sampler: `monte-carlo`, `latin-hypercube` or `sobol`.
         uncertainty: a half width for all, or the text of an uncertainty file.
-        gains: what is compared, in order.
+        gains: sets of gains that are compared, in order.
         until_ci: width of the interval at which to stop, or None.
         mission: the tables of a mission file, files that it names included, or None
             for a case of the paper.
@@ -71,7 +72,7 @@ class CampaignSettings:
         object.__setattr__(self, "gains", gains)
 
     def case(self) -> FlightCase:
-        """What is flown."""
+        """The case that is flown."""
         if self.mission is not None:
             return FlightCase.of_mission(build_mission(self.mission), self.duration)
         return FlightCase.of_paper(self.scenario, self.plant, self.dt, self.duration)
@@ -100,10 +101,10 @@ class CampaignSettings:
         return table
 
     @classmethod
-    def of(cls, told: dict[str, Any]) -> "CampaignSettings":
+    def of(cls, table: dict[str, Any]) -> "CampaignSettings":
         """Settings from what `dataclasses.asdict` made of them."""
-        gains = tuple(GainSet.of(entry) for entry in told["gains"])
-        return cls(**{**told, "gains": gains})
+        gains = tuple(GainSet.of(entry) for entry in table["gains"])
+        return cls(**{**table, "gains": gains})
 
 
 def fingerprint_of(table: dict[str, Any]) -> str:
@@ -132,12 +133,12 @@ class Campaign:
     """A campaign put together.
 
     Attributes:
-        settings: it follows from.
-        uncertainty: what differs from member to member.
-        design: where the members lie.
-        loops: one for each set of gains, all in the nominal scenario.
-        kinds: of their controllers.
-        stream: of the members' keys; those of another stream are others.
+        settings: settings it follows from.
+        uncertainty: quantities that differ from member to member.
+        design: sampler of the members' places in the unit cube.
+        loops: closed loops, one for each set of gains, all in the nominal scenario.
+        kinds: kinds of their controllers.
+        stream: stream of the members' keys; another stream has other members.
     """
 
     settings: CampaignSettings
@@ -154,7 +155,7 @@ class Campaign:
 
     @property
     def waypoints(self) -> int | None:
-        """How many waypoints the course has, or None where there is no course."""
+        """Number of waypoints of the course, or None where there is no course."""
         return self.uncertainty.scenario.reference.waypoints
 
 
@@ -174,26 +175,30 @@ def build(settings: CampaignSettings) -> Campaign:
     case = dataclasses.replace(case, scenario=uncertainty.scenario)
     kinds, loops = zip(*(case.loop(gains) for gains in settings.gains), strict=True)
     return Campaign(
-        settings, uncertainty, make_sampler(settings, uncertainty.names()), loops, kinds
+        settings=settings,
+        uncertainty=uncertainty,
+        design=make_sampler(settings, uncertainty.names()),
+        loops=loops,
+        kinds=kinds,
     )
 
 
-def _uncertainty(given: float | str, scenario: Scenario) -> Uncertainty:
-    if isinstance(given, str):
+def _uncertainty(level: float | str, scenario: Scenario) -> Uncertainty:
+    if isinstance(level, str):
         try:
-            return build_uncertainty(tomllib.loads(given), scenario)
+            return build_uncertainty(tomllib.loads(level), scenario)
         except (ConfigError, tomllib.TOMLDecodeError) as error:
             raise ConfigError(f"--uncertainty: {error}") from error
-    if given == 0.0:
+    if level == 0.0:
         raise ConfigError(
             "--uncertainty must be above zero for a sweep; received 0. For the nominal "
             "run alone use `jaxglider compare`."
         )
-    return uniform_uncertainty(scenario, given, given)
+    return uniform_uncertainty(scenario, level, level)
 
 
 def make_sampler(settings: CampaignSettings, names: Sequence[str]) -> AbstractSampler:
-    """Where the members of a campaign lie in the unit cube."""
+    """The sampler of the members' places in the unit cube."""
     if settings.design == "latin-hypercube":
         return LatinHypercube(settings.seed, len(names), settings.members)
     if settings.design == "sobol":

@@ -39,9 +39,9 @@ class Engine:
         """Compile the loops, side by side.
 
         Args:
-            loops: one for each set of gains.
+            loops: closed loops, one for each set of gains.
             example: an ensemble of at least one member.
-            devices: all of this process by default.
+            devices: devices to use; all of this process by default.
             piece: members to a piece; what suits the devices by default.
         """
         self._devices = list(devices or jax.local_devices())
@@ -67,7 +67,7 @@ class Engine:
         return self.piece * len(self._devices)
 
     def run(self, members: Member) -> np.ndarray:
-        """What came of members: axes of member, set of gains and column.
+        """Results of members: axes of member, set of gains and column.
 
         Args:
             members: an ensemble of any size.

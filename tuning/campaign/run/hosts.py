@@ -22,10 +22,10 @@ def join_hosts(options: argparse.Namespace) -> None:
     Raises:
         ValueError: they do not go together.
     """
-    given = [options.coordinator is not None, options.hosts > 1]
-    if given == [False, False] and options.host == 0:
+    several = [options.coordinator is not None, options.hosts > 1]
+    if several == [False, False] and options.host == 0:
         return
-    if given != [True, True] or options.host >= options.hosts:
+    if several != [True, True] or options.host >= options.hosts:
         raise ValueError(
             "--coordinator ADDRESS:PORT, --hosts N and --host I go together, with "
             f"N > 1 and 0 <= I < N; received {options.coordinator}, {options.hosts} "
@@ -48,10 +48,10 @@ def gathered(
     """The rows of all hosts in the order of the members, on every host.
 
     Args:
-        rows: of this host.
+        rows: rows of this host.
         total: members of the campaign.
         host: number of this one.
-        hosts: how many there are.
+        hosts: number of hosts.
     """
     from jax.experimental import multihost_utils
 

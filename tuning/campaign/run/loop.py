@@ -20,9 +20,9 @@ def draw(campaign: Campaign, first: int, count: int) -> tuple[np.ndarray, Member
     """Values and ensemble of members `first` to `first + count`.
 
     Args:
-        campaign: they belong to.
+        campaign: campaign they belong to.
         first: number of the first one.
-        count: how many.
+        count: number of members.
     """
     values = campaign.uncertainty.values(campaign.design.rows(first, count))
     numbers = campaign.design.key_numbers(first, count)
@@ -31,7 +31,14 @@ def draw(campaign: Campaign, first: int, count: int) -> tuple[np.ndarray, Member
 
 
 def compute(campaign: Campaign, engine: Engine, first: int, count: int) -> np.ndarray:
-    """Rows of members `first` to `first + count`."""
+    """Rows of members `first` to `first + count`.
+
+    Args:
+        campaign: campaign they belong to.
+        engine: engine that runs them.
+        first: number of the first member.
+        count: number of members.
+    """
     values, members = draw(campaign, first, count)
     return make_rows(first, values, engine.run(members))
 
@@ -47,12 +54,12 @@ def run_campaign(
     """Fill a store with the rows of members `first` to `last`.
 
     Args:
-        campaign: to run.
-        engine: makes the engine; not called where nothing is left to do.
-        store: may hold rows already.
+        campaign: campaign to run.
+        engine: maker of the engine; not called where nothing is left to do.
+        store: store, which may hold rows already.
         first: number of its first member.
         last: number after its last one.
-        progress: told the number of rows after each chunk.
+        progress: callback with the number of rows after each chunk.
 
     Raises:
         OSError: the rows cannot be written.
@@ -77,7 +84,14 @@ def run_campaign(
 
 
 def continues(campaign: Campaign, engine: Engine, store: Store, first: int) -> bool:
-    """Whether the last row of a store comes out the same again, bit for bit."""
+    """Whether the last row of a store comes out the same again, bit for bit.
+
+    Args:
+        campaign: campaign of the store.
+        engine: engine that runs the member.
+        store: store with one row at least.
+        first: number of the store's first member.
+    """
     last = compute(campaign, engine, first + store.count - 1, 1)
     return last.tobytes() == store.rows()[-1:].tobytes()
 

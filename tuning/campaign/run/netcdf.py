@@ -22,9 +22,9 @@ def write_members(
     stay finite.
 
     Args:
-        path: of the file.
-        manifest: of the campaign.
-        rows: may be mapped from a file.
+        path: path of the file.
+        manifest: manifest of the campaign.
+        rows: rows, which may be mapped from a file.
         about: provenance, kept as a JSON attribute.
 
     Raises:
@@ -47,9 +47,11 @@ def write_members(
         number.long_name = "number of the member, as for jaxglider rerun"
         number[:] = rows["member"]
         for column, (name, place, units) in enumerate(manifest.quantities):
-            drawn = file.createVariable(name, "f8", ("member",), zlib=True, complevel=1)
-            drawn.units, drawn.long_name = units, f"drawn value of {place}"
-            drawn[:] = rows["values"][:, column]
+            variable = file.createVariable(
+                name, "f8", ("member",), zlib=True, complevel=1
+            )
+            variable.units, variable.long_name = units, f"drawn value of {place}"
+            variable[:] = rows["values"][:, column]
         for column, name in enumerate(COLUMNS):
             _write_column(file, name, rows["metrics"][:, :, column])
 

@@ -1,4 +1,4 @@
-"""A row of a campaign: one member, what was drawn for it, and what came of it.
+"""Rows of a campaign: one member each, its uncertain numbers and its results.
 
 `metrics` has an axis of sets of gains and one of columns; numbers are kept in double
 precision, which holds single precision exactly.
@@ -10,10 +10,11 @@ from operator import attrgetter
 
 import numpy as np
 
+from jaxglider.signals import CHANNEL_UNITS, CHANNELS, COMMAND_UNITS
 from jaxglider.simulation.metrics import ChannelMetrics, Metrics
 
-CHANNELS = {"depth": "m", "pitch": "rad", "heading": "rad"}
-_EFFORTS = {"depth": "kg", "pitch": "m", "heading": "rad"}
+_EFFORTS = dict(zip(CHANNELS, COMMAND_UNITS.values(), strict=True))
+"""Unit of the command that belongs to each channel."""
 
 MEASURES = tuple(field.name for field in dataclasses.fields(ChannelMetrics))
 OUTCOMES = tuple(f.name for f in dataclasses.fields(Metrics) if f.name != "channels")
@@ -25,15 +26,15 @@ COLUMNS = (*(f"{c}.{m}" for c in CHANNELS for m in MEASURES), *OUTCOMES)
 def flatten(metrics: Metrics) -> np.ndarray:
     """Metrics with leading axes as numbers, columns last."""
     paths = [f"channels.{name}" if "." in name else name for name in COLUMNS]
-    found = [np.asarray(attrgetter(path)(metrics), np.float64) for path in paths]
-    return np.stack(found, axis=-1)
+    columns = [np.asarray(attrgetter(path)(metrics), np.float64) for path in paths]
+    return np.stack(columns, axis=-1)
 
 
 def unit(column: str) -> str:
     """SI unit of a column."""
     channel, _, measure = column.rpartition(".")
     if measure in ("max_error", "max_error_settled", "rms_error"):
-        return CHANNELS[channel]
+        return CHANNEL_UNITS[channel]
     if measure in ("rms_effort", "chattering"):
         return _EFFORTS[channel]
     return {"end_time": "s", "max_roll": "rad", "max_pitch": "rad"}.get(measure, "1")
@@ -43,8 +44,8 @@ def row_type(quantities: int, gains: int) -> np.dtype:
     """Type of the rows of a campaign.
 
     Args:
-        quantities: how many numbers are uncertain.
-        gains: how many sets of gains are compared.
+        quantities: number of uncertain numbers.
+        gains: number of sets of gains that are compared.
     """
     return np.dtype(
         [
@@ -57,7 +58,13 @@ def row_type(quantities: int, gains: int) -> np.dtype:
 
 
 def make_rows(first: int, values: np.ndarray, metrics: np.ndarray) -> np.ndarray:
-    """Rows of members `first`, `first + 1` and so on, with their check sums."""
+    """Rows of members `first`, `first + 1` and so on, with their check sums.
+
+    Args:
+        first: number of the first member.
+        values: values of the uncertain numbers, one row a member.
+        metrics: results, with axes of member, set of gains and column.
+    """
     rows = np.zeros(len(values), row_type(values.shape[1], metrics.shape[1]))
     rows["member"] = np.arange(first, first + len(values))
     rows["values"], rows["metrics"] = values, metrics
@@ -69,8 +76,8 @@ def checksums(rows: np.ndarray) -> np.ndarray:
     """CRC-32 of each row, but for the sum itself."""
     size = rows.dtype.itemsize
     data = np.ascontiguousarray(rows).tobytes()
-    kept = size - rows.dtype["check"].itemsize
-    sums = [zlib.crc32(data[at : at + kept]) for at in range(0, len(data), size)]
+    length = size - rows.dtype["check"].itemsize
+    sums = [zlib.crc32(data[at : at + length]) for at in range(0, len(data), size)]
     return np.asarray(sums, np.uint32)
 
 
@@ -80,16 +87,16 @@ class Rows:
     A number of a run that became non-finite counts as infinite, the worst there is.
 
     Attributes:
-        rows: of the campaign, in the order of the members.
-        labels: of the sets of gains.
+        rows: rows of the campaign, in the order of the members.
+        labels: labels of the sets of gains.
     """
 
     def __init__(self, rows: np.ndarray, labels: tuple[str, ...]) -> None:
         """Look at rows.
 
         Args:
-            rows: may be mapped from a file.
-            labels: of the sets of gains.
+            rows: rows, which may be mapped from a file.
+            labels: labels of the sets of gains.
         """
         self.rows, self.labels = rows, labels
 
@@ -101,7 +108,7 @@ class Rows:
         return np.array(self.rows["metrics"][:, gains, COLUMNS.index(name)])
 
     def failed(self, gains: int) -> np.ndarray:
-        """Which runs became non-finite."""
+        """Flags of the runs that became non-finite."""
         return self.raw(gains, "finite") != 1.0
 
     def column(self, gains: int, name: str) -> np.ndarray:
@@ -110,17 +117,17 @@ class Rows:
         return np.where(self.failed(gains) | ~np.isfinite(values), np.inf, values)
 
     def left_funnel(self, gains: int, channel: str | None = None) -> np.ndarray:
-        """Which members left the funnel of a channel, or of any; failures did."""
+        """Flags of members that left the funnel of one channel or any; failures did."""
         named = CHANNELS if channel is None else (channel,)
         outside = [self.column(gains, f"{c}.time_outside_funnel") > 0.0 for c in named]
         return np.logical_or.reduce(outside)
 
     def capsized(self, gains: int) -> np.ndarray:
-        """Which members rolled past 90 degrees; failures did."""
+        """Flags of the members that rolled past 90 degrees; failures did."""
         return self.failed(gains) | (self.raw(gains, "capsized") == 1.0)
 
     def unfinished(self, gains: int, waypoints: int | None) -> np.ndarray:
-        """Which members did not reach the last waypoint in time; failures did not."""
+        """Flags of members that missed the last waypoint in time; failures did too."""
         failed = self.failed(gains)
         if waypoints is None:
             return failed

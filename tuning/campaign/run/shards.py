@@ -35,10 +35,10 @@ def read_shards(folders: list[Path]) -> list[tuple[Path, Manifest]]:
                 f"differ ({', '.join(others)}). Merge shards that were made with the "
                 "same options."
             )
-        kept = whole_rows(folder / "rows.bin", manifest.row_type(), manifest.first)
-        if kept != manifest.last - manifest.first:
+        count = whole_rows(folder / "rows.bin", manifest.row_type(), manifest.first)
+        if count != manifest.last - manifest.first:
             raise ValueError(
-                f"{folder} holds {kept} of its {manifest.last - manifest.first} "
+                f"{folder} holds {count} of its {manifest.last - manifest.first} "
                 "members; finish it with --resume first."
             )
     at = 0
@@ -63,6 +63,11 @@ def join(
     shards: list[tuple[Path, Manifest]], out: Path, *, overwrite: bool
 ) -> Manifest:
     """Write the rows of all shards to a folder, and its manifest.
+
+    Args:
+        shards: folders and manifests, in the order of the members.
+        out: folder to write to.
+        overwrite: flag, a campaign there is discarded.
 
     Raises:
         ValueError: the folder holds a campaign, or is one of the shards.

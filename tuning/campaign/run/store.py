@@ -31,11 +31,11 @@ class StoreFull(OSError):
 
 @dataclasses.dataclass(frozen=True)
 class Manifest:
-    """What stands beside the rows.
+    """Description of the campaign, beside the rows.
 
     Attributes:
-        settings: of the campaign.
-        labels: of the sets of gains.
+        settings: settings of the campaign.
+        labels: labels of the sets of gains.
         quantities: name, path and unit of what is uncertain.
         first: number of the first member here.
         last: number after the last one.
@@ -69,9 +69,11 @@ class Manifest:
 
     def write(self, folder: Path) -> None:
         """Write `campaign.json`."""
-        told = dataclasses.asdict(self)
+        table = dataclasses.asdict(self)
         head = {"format": FORMAT, "fingerprint": self.settings.fingerprint()}
-        write_json(folder / "campaign.json", {**head, "columns": list(COLUMNS), **told})
+        write_json(
+            folder / "campaign.json", {**head, "columns": list(COLUMNS), **table}
+        )
 
 
 def read_manifest(folder: Path) -> Manifest:
@@ -82,7 +84,7 @@ def read_manifest(folder: Path) -> Manifest:
     """
     path = folder / "campaign.json"
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        table = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ValueError(
             f"{folder} holds no campaign: there is no {path.name}. `jaxglider sweep "
@@ -91,18 +93,18 @@ def read_manifest(folder: Path) -> Manifest:
     except (OSError, ValueError) as error:
         raise ValueError(f"{path} cannot be read ({error}).") from error
     try:
-        if told["format"] != FORMAT or told["columns"] != list(COLUMNS):
+        if table["format"] != FORMAT or table["columns"] != list(COLUMNS):
             raise ValueError("it was made by another version; run the sweep anew")
-        quantities = tuple(tuple(entry) for entry in told["quantities"])
+        quantities = tuple(tuple(entry) for entry in table["quantities"])
         manifest = Manifest(
-            CampaignSettings.of(told["settings"]),
-            tuple(told["labels"]),
+            CampaignSettings.of(table["settings"]),
+            tuple(table["labels"]),
             quantities,
-            told["first"],
-            told["last"],
-            told["about"],
+            table["first"],
+            table["last"],
+            table["about"],
         )
-        if fingerprint_of(told["settings"]) != told["fingerprint"]:
+        if fingerprint_of(table["settings"]) != table["fingerprint"]:
             raise ValueError("it has been changed by hand")
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path} cannot be used: {error}.") from error
@@ -116,7 +118,7 @@ class Store:
         """Open or make a file, and cut off what a crash has left at its end.
 
         Args:
-            path: of the file.
+            path: path of the file.
             kind: type of the rows.
             first: number of the first member.
 
@@ -166,7 +168,13 @@ class Store:
 
 @contextlib.contextmanager
 def opened(folder: Path, kind: np.dtype, first: int) -> Iterator[Store]:
-    """The store of a folder, closed at the end."""
+    """The store of a folder, closed at the end.
+
+    Args:
+        folder: folder of the campaign.
+        kind: type of the rows.
+        first: number of the first member.
+    """
     store = Store(folder / "rows.bin", kind, first)
     try:
         yield store
@@ -183,7 +191,13 @@ def read_rows(path: Path, kind: np.dtype) -> np.ndarray:
 
 
 def whole_rows(path: Path, kind: np.dtype, first: int) -> int:
-    """How many rows are whole and in order, from the start."""
+    """Number of rows that are whole and in order, from the start.
+
+    Args:
+        path: path of the file.
+        kind: type of the rows.
+        first: number of the first member.
+    """
     rows = read_rows(path, kind)
     for start in range(0, len(rows), _AT_ONCE):
         part = np.array(rows[start : start + _AT_ONCE])
@@ -195,7 +209,13 @@ def whole_rows(path: Path, kind: np.dtype, first: int) -> int:
 
 
 def prepare(folder: Path, manifest: Manifest, *, resume: bool, overwrite: bool) -> None:
-    """See that the folder holds this campaign, a part of it that can grow, or none.
+    """Check that the folder holds this campaign or none.
+
+    Args:
+        folder: folder of the campaign.
+        manifest: manifest of this campaign.
+        resume: flag, this campaign may be there already.
+        overwrite: flag, any campaign there is discarded.
 
     Raises:
         ValueError: it holds another one, or this one and it is not to be gone on with.
@@ -206,17 +226,17 @@ def prepare(folder: Path, manifest: Manifest, *, resume: bool, overwrite: bool) 
                 f"--out {folder} holds a campaign; go on with it by --resume, discard "
                 "it by --overwrite, or give another folder."
             )
-        kept = read_manifest(folder)
-        _check_that_it_goes_on(folder, kept, manifest)
-        if kept.settings.differences(manifest.settings):
-            dataclasses.replace(manifest, about=kept.about).write(folder)
+        older = read_manifest(folder)
+        _check_that_it_goes_on(folder, older, manifest)
+        if older.settings.differences(manifest.settings):
+            dataclasses.replace(manifest, about=older.about).write(folder)
         return
     for name in ("rows.bin", "sobol.bin"):
         (folder / name).unlink(missing_ok=True)
     manifest.write(folder)
 
 
-def _check_that_it_goes_on(folder: Path, kept: Manifest, wanted: Manifest) -> None:
+def _check_that_it_goes_on(folder: Path, older: Manifest, newer: Manifest) -> None:
     """Refuse what would not leave the rows that are there as they are.
 
     Raises:
@@ -224,32 +244,32 @@ def _check_that_it_goes_on(folder: Path, kept: Manifest, wanted: Manifest) -> No
     """
     others = [
         name
-        for name in kept.settings.differences(wanted.settings)
+        for name in older.settings.differences(newer.settings)
         # How many there are to be changes no row, and neither does when to stop.
         if name not in ("members", "until_ci")
     ]
-    had, asked = kept.settings.members, wanted.settings.members
-    part = (kept.first, kept.last)
-    if had == asked and part != (wanted.first, wanted.last):
+    had, wanted = older.settings.members, newer.settings.members
+    part = (older.first, older.last)
+    if had == wanted and part != (newer.first, newer.last):
         others.append("shard")
     if others:
         raise ValueError(
             f"--resume: {folder} holds a campaign with other options "
             f"({', '.join(others)}); repeat those, or give another folder."
         )
-    if asked < had:
+    if wanted < had:
         raise ValueError(
             f"--resume: {folder} holds a campaign of {had} members; received --members "
-            f"{asked}. Give {had} or more, or another folder."
+            f"{wanted}. Give {had} or more, or another folder."
         )
-    if asked > had and kept.settings.design == "latin-hypercube":
+    if wanted > had and older.settings.design == "latin-hypercube":
         raise ValueError(
             f"--resume: a latin-hypercube places each member by how many there are, so "
-            f"that one of {had} cannot grow to {asked}; give another folder."
+            f"that one of {had} cannot grow to {wanted}; give another folder."
         )
-    if asked > had and (part, wanted.first) != ((0, had), 0):
+    if wanted > had and (part, newer.first) != ((0, had), 0):
         raise ValueError(
             f"--resume: {folder} holds a part of a campaign of {had} members, and each "
-            f"part of one of {asked} would begin elsewhere; merge the parts and go on "
+            f"part of one of {wanted} would begin elsewhere; merge the parts and go on "
             "with the whole, or give another folder."
         )

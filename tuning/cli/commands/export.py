@@ -92,7 +92,7 @@ def _loop(options: argparse.Namespace) -> tuple[ClosedLoop, str, dict[str, Any]]
 
 
 def _known(origin: Any, key: str, allowed: tuple[str, ...]) -> str:
-    """What gains were tuned for, or the first of what there is."""
+    """The case that gains were tuned for, or the first of those there are."""
     said = origin.get(key) if isinstance(origin, dict) else None
     return said if said in allowed else allowed[0]
 

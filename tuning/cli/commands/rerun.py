@@ -113,9 +113,9 @@ def trajectory(campaign: Campaign, number: int, member: int) -> Trajectory:
     """The whole run of one member, computed as one lane of a full block.
 
     Args:
-        campaign: it belongs to.
-        number: of the set of gains.
-        member: its number.
+        campaign: campaign that the member belongs to.
+        number: number of the set of gains.
+        member: number of the member.
     """
     alone = draw(campaign, member, 1)[1]
     lanes = jax.tree.map(lambda x: np.repeat(np.asarray(x), BLOCK, axis=0), alone)

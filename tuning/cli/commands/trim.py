@@ -74,7 +74,7 @@ def trim(options: argparse.Namespace) -> int:
 
 
 def _target(options: argparse.Namespace, vehicle: VehicleData) -> Target:
-    """What is asked for; else three quarters of the buoyancy, straight, forward."""
+    """The target of the options; else 3/4 of the buoyancy, straight, forward."""
     given: dict[str, float] = {
         name: value
         for name in ("buoyancy_mass", "speed", "mass_position", "turn_radius")

@@ -1,1 +1,1 @@
-"""What each command is told; nothing here imports JAX."""
+"""Options of each command; nothing here imports JAX."""

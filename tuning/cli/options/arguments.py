@@ -79,6 +79,12 @@ def uncertainty(text: str) -> float | Path:
 def checked(text: str, kind: Any, holds: Callable[[Any], bool], rule: str) -> Any:
     """The text as a number of a kind.
 
+    Args:
+        text: word of the command line.
+        kind: type of the number.
+        holds: test that the number has to pass.
+        rule: description of the test, for the message.
+
     Raises:
         argparse.ArgumentTypeError: it is none, or the rule does not hold.
     """
@@ -99,7 +105,7 @@ def add_dt(parser: argparse.ArgumentParser) -> None:
 
 
 def add_case(parser: argparse.ArgumentParser) -> None:
-    """What is flown: one of the paper's cases, or a mission file."""
+    """Options of the case: one of the paper's, or a mission file."""
     parser.add_argument(
         "--config",
         type=Path,
@@ -119,7 +125,7 @@ def add_case(parser: argparse.ArgumentParser) -> None:
 
 
 def add_common(parser: argparse.ArgumentParser, out: str) -> None:
-    """Where results go, their precision, and how they are printed."""
+    """Options of the results: folder, precision, and form of printing."""
     add_output(parser)
     parser.add_argument(
         "--out", type=Path, default=Path(out), metavar="DIR", help=f"default: {out}"

@@ -1,1 +1,1 @@
-"""What a command needs before it works: JAX set up, options turned into values."""
+"""Set-up of a command: JAX started, options turned into values."""

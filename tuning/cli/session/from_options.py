@@ -24,8 +24,8 @@ DEFAULT_CONTROLLER = {
     "rigid-body": "fxtppc-roll",
     "seawing": "fxtppc-roll",
 }
-"""What is tuned where neither option nor file says; the printed glider rolls away from
-its mass, and needs no more than the paper's law."""
+"""Controller by plant where neither option nor file names one; the printed glider
+rolls away from its mass, and needs no more than the paper's law."""
 
 
 def flight_case(options: argparse.Namespace) -> FlightCase:
@@ -129,7 +129,7 @@ def starting_loop(
 
 
 def descent_settings(options: argparse.Namespace) -> DescentSettings:
-    """How `jaxglider tune` is told to descend.
+    """Settings of the descent of `jaxglider tune`.
 
     Raises:
         ValueError: a number is out of its range, or the optimiser is unknown.
@@ -145,7 +145,7 @@ def descent_settings(options: argparse.Namespace) -> DescentSettings:
 
 
 def black_box_settings(options: argparse.Namespace) -> BlackBoxSettings | None:
-    """How `jaxglider tune` is told to search without gradients; None for a descent."""
+    """Settings of a search without gradients; None for a descent."""
     if options.method == "gradient":
         return None
     return BlackBoxSettings(options.method, options.population, options.spread)
@@ -182,7 +182,7 @@ def campaign_settings(
 
 
 def conclusions(options: argparse.Namespace) -> Conclusions:
-    """What `jaxglider sweep` and `merge` are told to draw from the rows."""
+    """Choice of the conclusions that `jaxglider sweep` and `merge` draw."""
     return Conclusions(
         confidence=options.confidence,
         requirements=tuple(options.require),
@@ -196,7 +196,7 @@ def _constraints(options: argparse.Namespace) -> tuple[str, ...]:
 
 
 def _uncertainty(options: argparse.Namespace, scenario: Scenario) -> Uncertainty:
-    """What differs between members: one half width for all, or what a file says."""
+    """The members' uncertainty: one half width for all, or the content of a file."""
     if isinstance(options.uncertainty, Path):
         if options.amplitude is not None or options.position is not None:
             raise ValueError(

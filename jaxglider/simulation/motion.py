@@ -1,0 +1,87 @@
+"""Motion of the glider over one control tick, and the disturbance seen in it."""
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from jaxglider.core.containers import Scalar
+from jaxglider.core.runge_kutta import RK4, runge_kutta_step
+from jaxglider.environment.water import derivative_in_water
+from jaxglider.signals import (
+    BodyAxes,
+    Command,
+    GliderState,
+    Measurement,
+    map_fields,
+)
+from jaxglider.simulation.scenario import Scenario
+from jaxglider.simulation.tick import TickInput
+from jaxglider.vehicle.design_model import DesignModel
+
+
+@jax.named_scope("integration")
+def integrate(
+    scenario: Scenario, state: GliderState, applied: Command[Scalar], inputs: TickInput
+) -> GliderState:
+    """The glider one tick later, the command held, τ_d linear within the tick.
+
+    Args:
+        scenario: plant, water and clock.
+        state: state at the start of the tick.
+        applied: command held by the actuators [kg, m, rad].
+        inputs: start of the tick and τ_d at both its ends.
+    """
+    time, start, end = inputs.plan.time, inputs.force_start, inputs.plan.force_end
+    substeps = scenario.clock.substeps
+    slope = end - start
+
+    def substep(s: GliderState, number: Scalar) -> tuple[GliderState, None]:
+        def derivative(at: GliderState, node: Scalar) -> GliderState:
+            share = (number + node) / substeps
+            force = map_fields(lambda f, k: f + share * k, start, slope)
+            if scenario.water is None:
+                return scenario.plant.derivative(at, applied, force)
+            return derivative_in_water(
+                scenario.plant,
+                scenario.water,
+                at,
+                applied,
+                force,
+                time + share * scenario.clock.dt,
+            )
+
+        step = scenario.clock.dt / substeps
+        return runge_kutta_step(RK4, derivative, s, step), None
+
+    if substeps == 1:
+        return substep(state, jnp.zeros_like(scenario.clock.dt))[0]
+    numbers = jnp.arange(substeps, dtype=scenario.clock.dt.dtype)
+    return lax.scan(substep, state, numbers)[0]
+
+
+@jax.named_scope("lumped_disturbance")
+def lumped_disturbance(
+    model: DesignModel | None,
+    truth: Measurement,
+    applied: Command[Scalar],
+    following: GliderState,
+    disturbance: BodyAxes[Scalar],
+    dt: Scalar,
+) -> BodyAxes[Scalar]:
+    """d = M Δν/Δt − F [N, N m], body frame: the true value of d̂ over one tick.
+
+    Args:
+        model: design model of the controller, which gives M and F.
+        truth: true state and attitude at the start of the tick.
+        applied: command held by the actuators [kg, m, rad].
+        following: true state at the end of the tick.
+        disturbance: τ_d at the start of the tick, the result without a design model.
+        dt: tick [s].
+    """
+    if model is None:
+        return disturbance
+    force = model.force(truth.state, truth.attitude, applied)
+    change = following.velocity() - truth.state.velocity()
+    return map_fields(
+        lambda m, c, f: m * c / dt - f, model.parameters.inertia(), change, force
+    )
