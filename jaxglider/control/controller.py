@@ -43,16 +43,15 @@ class ControlRecord(eqx.Module):
 class AbstractController(Container):
     """A control law. Its array fields are its gains: what is tuned.
 
-    Attributes:
-        model: what the designer believes of the glider, or None.
-        funnel: the funnel that its errors are judged by, or None for no bounds.
+    Every law has a `model`, the designer's belief of the glider, and a `funnel`, which
+    its errors are judged by; either may be None.
     """
 
     if TYPE_CHECKING:
         # Fields or properties; a type checker would take the others for fields.
         @property
         def model(self) -> DesignModel | None:
-            """What the designer believes of the glider."""
+            """The designer's belief of the glider."""
 
         @property
         def funnel(self) -> Funnel | None:

@@ -86,7 +86,7 @@ class ChannelGains(Container):
 
 
 class FxTPPCState(eqx.Module):
-    """What the law remembers from tick to tick.
+    """Memory of the law from tick to tick.
 
     Attributes:
         integral: ∫ A dt of each channel.

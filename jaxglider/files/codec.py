@@ -19,8 +19,8 @@ from jaxglider.core.toml import (
     whole_number,
 )
 from jaxglider.files.user_law import spec_of
-from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.signals import CHANNEL_UNITS
+from jaxglider.vehicle.design_model import DesignModel
 
 FAMILIES: dict[type, dict[str, type]] = {
     AbstractController: {name: entry.cls for name, entry in BY_NAME.items()},
@@ -31,8 +31,6 @@ FAMILIES: dict[type, dict[str, type]] = {
 
 
 _NAMED: dict[str, dict[str, Callable[..., Any]]] = {"exponents": EXPONENTS}
-
-
 
 
 def encode(thing: eqx.Module, channel: str = "") -> dict[str, Any]:

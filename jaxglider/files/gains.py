@@ -33,7 +33,13 @@ def encode_gains(
     observer: AbstractObserver,
     guidance: LineOfSight | None,
 ) -> dict[str, Any]:
-    """Gains of a law, its observer and its guidance as the tables of a gains file."""
+    """Gains of a law, its observer and its guidance as the tables of a gains file.
+
+    Args:
+        controller: control law with its gains.
+        observer: disturbance observer with its gains.
+        guidance: gains of the line of sight, or None for none.
+    """
     tables = {
         "format": 1,
         "controller": encode(controller),
@@ -164,7 +170,7 @@ def decode_observer(table: Any, default: Any, model: DesignModel) -> Any:
     """The observer a table asks for.
 
     Args:
-        table: what the file says of it.
+        table: table of the observer in the file.
         default: observer whose numbers the table overrides.
         model: design model.
 

@@ -119,7 +119,7 @@ def source_of(kind: str) -> str:
 
 
 def load_named(where: str, owner: str, what: str, text: str | None = None) -> Any:
-    """What a Python file calls by a name.
+    """The object that a Python file calls by a name.
 
     Args:
         where: FILE.py:NAME.

@@ -117,7 +117,7 @@ def make_controller(name: str, scenario: str, model: DesignModel) -> AbstractCon
     """A law with the paper's gains.
 
     Args:
-        name: of the law in the catalogue; `fxtppc-roll` has those of `fxtppc`, and
+        name: name of the law in the catalogue; `fxtppc-roll` has those of `fxtppc`, and
             defaults of its own for the roll.
         scenario: `switching` or `waypoints`.
         model: design model.
@@ -150,7 +150,7 @@ def make_observer(name: str, model: DesignModel) -> AbstractObserver:
     """An observer with the paper's gains.
 
     Args:
-        name: of the observer in the catalogue, `none` or `fixed-time`.
+        name: name of the observer in the catalogue, `none` or `fixed-time`.
         model: design model.
 
     Raises:
@@ -164,7 +164,7 @@ def make_law(name: str, scenario: str, model: DesignModel) -> LoadedGains:
     """A law with the paper's gains, and the observer the paper gives it.
 
     Args:
-        name: of the law in the catalogue.
+        name: name of the law in the catalogue.
         scenario: `switching` or `waypoints`.
         model: design model.
 

@@ -1,4 +1,4 @@
-"""Who steers, with all gains, before a scenario is given to steer in."""
+"""A law, its observer and guidance with all gains, not yet in a scenario."""
 
 import dataclasses
 from typing import NamedTuple

@@ -128,8 +128,8 @@ def resolve(
             as FILE.py:ClassName.
         scenario: `switching` or `waypoints`; which gains `tuned` stands for.
         plant: name of the plant; likewise.
-        own: what `mission` stands for, where there is one.
-        files: from `read_files`, where they have been read already.
+        own: set of gains that `mission` stands for, or None.
+        files: tables from `read_files`, where they have been read already.
 
     Raises:
         ValueError: a word that is none of these, a file that cannot be read or holds

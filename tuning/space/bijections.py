@@ -217,7 +217,7 @@ SECH_INITIAL_ALONE = Edge(
 
 @functools.cache
 def of_interval(numbers: Interval) -> tuple[Bijection, Edge]:
-    """How a number is kept in an interval, whatever the others are.
+    """The bijection of a number in an interval, whatever the others are.
 
     Zero is never reached, even where it belongs to the interval.
 

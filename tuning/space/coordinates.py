@@ -181,7 +181,7 @@ def coordinates(
 
 
 def _by_itself(path: str, number: Number, names: Collection[str]) -> Coordinate:
-    """How a number is kept in the set of its own field."""
+    """The coordinate of a number in the set of its own field."""
     numbers = number.numbers
     if isinstance(numbers, Interval):
         return Coordinate(path, *of_interval(numbers))
@@ -211,7 +211,7 @@ def _numbers(
 
     Args:
         module: object to look into.
-        path: its path.
+        path: dotted path of the number.
         above: field that holds the object, where that field says in which set all
             numbers below it are.
     """
