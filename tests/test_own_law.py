@@ -166,7 +166,7 @@ def test_its_first_instance_is_made_by_initial_where_there_is_one(own):
 
 def test_it_is_listed_like_a_law_of_the_catalogue():
     entry = law_entry(OWN)
-    assert (entry.label, entry.default_free) == ("Steered", ("controller",))
+    assert (entry.label, entry.observer) == ("Steered", "fixed-time")
     assert law_entry(OWN).cls is entry.cls
     controller = first_gains(OWN, "waypoints", MODEL).controller
     wanted = paper.funnel("waypoints").performance.heading.settling_time
