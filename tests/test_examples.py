@@ -55,7 +55,7 @@ def test_how_sure(run, tmp_path):
     options = "--duration", 10, "--members", 8, "--out", tmp_path
     names, _ = run("how_sure.py", *options)
     report = names["report"]
-    outside = report.summary["controllers"]["smc"]["probabilities"]["p_violation"]
+    outside = report.summary.controllers["smc"].probabilities["p_violation"]
     rows = report.rows.left_funnel(1)
     assert outside["p"] == rows.mean()
     assert (tmp_path / "how_sure.png").is_file()

@@ -6,7 +6,12 @@ from scipy import stats
 
 from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.rank_correlations import rank_correlations
-from tuning.campaign.analysis.summary import LINES, text_summary
+from tuning.campaign.analysis.summary import (
+    LINES,
+    CampaignSummary,
+    ControllerSummary,
+    text_summary,
+)
 from tuning.reporting.statistics import (
     clopper_pearson,
     cvar,
@@ -136,21 +141,29 @@ def test_discordant_pairs_by_hand():
 def test_cells_of_the_summary_keep_apart_however_long_they_are():
     found = {"p": 5e-4, "interval": [1.266e-05, 2.783e-03]}
     value = {"value": 0.1, "interval": [0.09, 0.11]}
-    gains = {
-        "probabilities": dict.fromkeys(LINES, found),
-        "measures": {f"{channel}.rms_error": {"q95": value} for channel in CHANNELS},
-        "worst_member": 1,
-        "median_member": 2,
-    }
-    summary = {
-        "members": 2000,
-        "scenario": "waypoints",
-        "has_waypoints": True,
-        "plant": "rigid-body",
-        "uncertainty": 0.2,
-        "confidence": 0.95,
-        "controllers": {"fxtppc": gains, "fxtppc (tuned)": gains},
-    }
+    gains = ControllerSummary(
+        kind="fxtppc",
+        origin="paper",
+        probabilities=dict.fromkeys(LINES, found),
+        failed_members=[],
+        worst_member=1,
+        median_member=2,
+        measures={f"{channel}.rms_error": {"q95": value} for channel in CHANNELS},
+    )
+    summary = CampaignSummary(
+        scenario="waypoints",
+        plant="rigid-body",
+        has_waypoints=True,
+        precision=32,
+        design="monte-carlo",
+        seed=0,
+        uncertainty=0.2,
+        members=2000,
+        members_asked_for=2000,
+        confidence=0.95,
+        controllers={"fxtppc": gains, "fxtppc (tuned)": gains},
+        paired=[],
+    )
     lines = text_summary(summary).splitlines()
     cell = "0.0005 [1.266e-05, 0.002783]"
     (row,) = (line for line in lines if line.startswith("did not finish"))

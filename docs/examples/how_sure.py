@@ -46,8 +46,8 @@ print(report)
 # The rows are there too: as an `xarray` data set with `report.to_xarray()`, or as plain
 # numbers.
 
-for name, controller in report.summary["controllers"].items():
-    capsized = controller["probabilities"]["p_capsize"]
+for name, controller in report.summary.controllers.items():
+    capsized = controller.probabilities["p_capsize"]
     low, high = capsized["interval"]
     print(f"{name}: rolls past 90 degrees in {low:.3f} to {high:.3f} of the gliders")
 report.plot().savefig(options.out / "how_sure.png")

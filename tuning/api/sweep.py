@@ -17,7 +17,7 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.uncertainty.members import Uncertainty
 from jaxglider.uncertainty.quantities import uniform_uncertainty
 from tuning.campaign.analysis.requirements import Requirement, requirement
-from tuning.campaign.analysis.summary import MEASURES, text_summary
+from tuning.campaign.analysis.summary import MEASURES, CampaignSummary, text_summary
 from tuning.campaign.execute import Work
 from tuning.campaign.report import figures
 from tuning.campaign.report.conclude import (
@@ -50,7 +50,7 @@ class SweepResult:
 
     campaign: Campaign
     rows: Rows
-    summary: dict[str, Any]
+    summary: CampaignSummary
     interrupted: bool
 
     def __str__(self) -> str:
@@ -109,7 +109,7 @@ class SweepResult:
         out = Path(folder)
         campaign, rows, summary = self.campaign, self.rows.rows, self.summary
         members = campaign.settings.members
-        manifest = Manifest.of(campaign, 0, members, summary["provenance"])
+        manifest = Manifest.of(campaign, 0, members, summary.provenance)
         with writing_to(out):
             prepare(out, manifest, resume=False, overwrite=overwrite)
             with opened(out, manifest.row_type(), 0) as store:
@@ -175,7 +175,7 @@ def sweep(
         with writing_to(folder):
             result = _run(campaign, folder, conclusions, shown, resume, overwrite)
             if out is not None:
-                about = result.summary["provenance"]
+                about = result.summary.provenance
                 write_conclusions(
                     folder,
                     campaign,

@@ -8,6 +8,7 @@ from typing import Any
 
 from jaxglider.files.writing import provenance
 from tuning.campaign.analysis.sensitivity import run_blocks
+from tuning.campaign.analysis.summary import CampaignSummary
 from tuning.campaign.report.conclude import (
     Conclusions,
     conclude,
@@ -55,7 +56,7 @@ def execute(
     execution: Execution,
     conclusions: Conclusions,
     progress: Progress,
-) -> tuple[int, dict[str, Any] | None]:
+) -> tuple[int, CampaignSummary | None]:
     """Run what is missing of a campaign, or of a part of it, and say what it comes to.
 
     Args:
@@ -82,7 +83,7 @@ def _execute(
     execution: Execution,
     conclusions: Conclusions,
     progress: Progress,
-) -> tuple[int, dict[str, Any] | None]:
+) -> tuple[int, CampaignSummary | None]:
     about = provenance(
         command=list(execution.command), precision=campaign.settings.precision
     )
@@ -145,7 +146,7 @@ def execute_on_hosts(
     execution: Execution,
     conclusions: Conclusions,
     progress: Progress,
-) -> tuple[int, dict[str, Any] | None]:
+) -> tuple[int, CampaignSummary | None]:
     """Run this host's part of a campaign; host 0 then gathers and concludes.
 
     Args:

@@ -11,6 +11,8 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from tuning.campaign.analysis.summary import ControllerSummary
+
 PROBABILITIES = (
     "p_violation",
     "p_violation_depth",
@@ -70,7 +72,7 @@ class Requirement:
                 f"{', '.join(measures)}."
             )
 
-    def judged(self, controllers: dict[str, Any]) -> list[dict[str, Any]]:
+    def judged(self, controllers: dict[str, ControllerSummary]) -> list[dict[str, Any]]:
         """The verdict for each set of gains it is asked of.
 
         Args:
@@ -79,7 +81,7 @@ class Requirement:
         chosen = [self.label] if self.label else list(controllers)
         return [self._judge(label, controllers[label]) for label in chosen]
 
-    def _judge(self, label: str, summary: dict[str, Any]) -> dict[str, Any]:
+    def _judge(self, label: str, summary: ControllerSummary) -> dict[str, Any]:
         estimate, interval = self._look_up(summary)
         holds = _OPERATORS[self.comparison]
         less = self.comparison.startswith("<")
@@ -98,12 +100,12 @@ class Requirement:
             "verdict": verdict,
         }
 
-    def _look_up(self, summary: dict[str, Any]) -> tuple[float | None, Any]:
+    def _look_up(self, summary: ControllerSummary) -> tuple[float | None, Any]:
         if self.quantity in PROBABILITIES:
-            entry = summary["probabilities"][self.quantity]
+            entry = summary.probabilities[self.quantity]
             return entry["p"], entry["interval"]
         measure, _, statistic = self.quantity.rpartition(".")
-        entry = summary["measures"][measure][statistic]
+        entry = summary.measures[measure][statistic]
         if isinstance(entry, dict):
             return entry["value"], entry["interval"]
         return entry, None

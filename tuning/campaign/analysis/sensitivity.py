@@ -5,7 +5,7 @@ rows, in `sobol.bin`: killed, they go on where they were.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -75,30 +75,38 @@ def run_blocks(
 
 
 def sensitivities(
-    campaign: Campaign, blocks: int, table: Rows, runs: Rows, summary: dict[str, Any]
-) -> None:
-    """Add to the summary what each set of gains answers to.
+    campaign: Campaign,
+    blocks: int,
+    table: Rows,
+    runs: Rows,
+    correlations: Sequence[dict[str, Any]],
+) -> list[dict[str, Any] | None]:
+    """Uncertain numbers that each set of gains answers to, by output.
 
     Args:
         campaign: campaign they are about.
         blocks: number of blocks of the runs for Sobol indices.
         table: rows of the campaign.
         runs: rows of the blocks.
-        summary: summary, with the rank correlations already in it.
+        correlations: rank correlations of each set of gains.
     """
     design = design_of(campaign, blocks)
     names = [*campaign.uncertainty.names(), *([CHANCE] if design.chance else [])]
-    for number, part in enumerate(summary["controllers"].values()):
+    answers: list[dict[str, Any] | None] = []
+    for number, ranked in enumerate(correlations):
         scores = gradient_scores(campaign, number, len(table))
-        part["sensitivity"] = {
-            name: _one(
-                names,
-                indices(output(runs, number, name).reshape(blocks, design.block)),
-                part["rank_correlations"][name],
-                scores.get(name),
-            )
-            for name in OUTPUTS
-        }
+        answers.append(
+            {
+                name: _one(
+                    names,
+                    indices(output(runs, number, name).reshape(blocks, design.block)),
+                    ranked[name],
+                    scores.get(name),
+                )
+                for name in OUTPUTS
+            }
+        )
+    return answers
 
 
 def _one(

@@ -1,5 +1,6 @@
 """Summary of a campaign: probabilities, measures, comparisons as plain numbers."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -42,14 +43,87 @@ COMPARED = tuple(
 """Columns that are compared member by member."""
 
 
+@dataclasses.dataclass(frozen=True)
+class ControllerSummary:
+    """Outcome of a campaign for one set of gains.
+
+    Attributes:
+        kind: name of the control law.
+        origin: word or file that the gains came from.
+        probabilities: probability of each kind of trouble, with its interval.
+        failed_members: numbers of the members that became non-finite.
+        worst_member: number of the most severe member.
+        median_member: number of the member of median severity.
+        measures: quantiles and means of each of `MEASURES`, with intervals.
+        rank_correlations: uncertain numbers that drive each output, strongest first.
+        sensitivity: Sobol indices and gradients of each output; None where not asked
+            for.
+    """
+
+    kind: str
+    origin: str
+    probabilities: dict[str, Any]
+    failed_members: list[int]
+    worst_member: int
+    median_member: int
+    measures: dict[str, Any]
+    rank_correlations: dict[str, Any] = dataclasses.field(default_factory=dict)
+    sensitivity: dict[str, Any] | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class CampaignSummary:
+    """Outcome of a campaign, as it stands in summary.json.
+
+    Attributes:
+        scenario: name of what was flown.
+        plant: name of the plant.
+        has_waypoints: whether there was a course of waypoints.
+        precision: precision of the rollouts, 32 or 64 bits.
+        design: placement of the members.
+        seed: seed of the members.
+        uncertainty: relative half width, or `file` where a file says it.
+        members: number of members.
+        members_asked_for: number that was asked for.
+        confidence: level of all intervals.
+        controllers: summary of each set of gains, by its label.
+        paired: comparisons of the first set of gains with each other one.
+        requirements: verdict on each requirement for each set of gains.
+        provenance: versions, hardware, command and time.
+    """
+
+    scenario: str
+    plant: str
+    has_waypoints: bool
+    precision: int
+    design: str
+    seed: int
+    uncertainty: float | str
+    members: int
+    members_asked_for: int
+    confidence: float
+    controllers: dict[str, ControllerSummary]
+    paired: list[dict[str, Any]]
+    requirements: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    provenance: dict[str, Any] = dataclasses.field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, as they stand in summary.json."""
+        table = dataclasses.asdict(self)
+        for controller in table["controllers"].values():
+            if controller["sensitivity"] is None:
+                del controller["sensitivity"]
+        return table
+
+
 def summarise(
     settings: CampaignSettings,
     table: Rows,
     kinds: tuple[str, ...],
     waypoints: int | None,
     level: float,
-) -> dict[str, Any]:
-    """The summary of a campaign.
+) -> CampaignSummary:
+    """The summary of a campaign, without what drives it and what is required of it.
 
     Args:
         settings: settings of the campaign.
@@ -58,34 +132,35 @@ def summarise(
         waypoints: number of waypoints of the course, or None where there is none.
         level: confidence of the intervals.
     """
-    controllers = {}
-    for number, (label, kind) in enumerate(zip(table.labels, kinds, strict=True)):
-        controllers[label] = {
-            "kind": kind,
-            "origin": settings.gains[number].origin,
-            "probabilities": probabilities(table, number, waypoints, level),
-            "failed_members": numbers_of(table, table.failed(number)),
-            "worst_member": ranked(table, number)[-1],
-            "median_member": ranked(table, number)[(len(table) - 1) // 2],
-            "measures": {
+    controllers = {
+        label: ControllerSummary(
+            kind=kind,
+            origin=settings.gains[number].origin,
+            probabilities=probabilities(table, number, waypoints, level),
+            failed_members=numbers_of(table, table.failed(number)),
+            worst_member=ranked(table, number)[-1],
+            median_member=ranked(table, number)[(len(table) - 1) // 2],
+            measures={
                 name: spread(table.column(number, name), level) for name in MEASURES
             },
-        }
-    uncertainty = settings.uncertainty
-    return {
-        "scenario": settings.scenario,
-        "plant": settings.plant,
-        "has_waypoints": waypoints is not None,
-        "precision": settings.precision,
-        "design": settings.design,
-        "seed": settings.seed,
-        "uncertainty": uncertainty if isinstance(uncertainty, float) else "file",
-        "members": len(table),
-        "members_asked_for": settings.members,
-        "confidence": level,
-        "controllers": controllers,
-        "paired": comparisons(table),
+        )
+        for number, (label, kind) in enumerate(zip(table.labels, kinds, strict=True))
     }
+    uncertainty = settings.uncertainty
+    return CampaignSummary(
+        scenario=settings.scenario,
+        plant=settings.plant,
+        has_waypoints=waypoints is not None,
+        precision=settings.precision,
+        design=settings.design,
+        seed=settings.seed,
+        uncertainty=uncertainty if isinstance(uncertainty, float) else "file",
+        members=len(table),
+        members_asked_for=settings.members,
+        confidence=level,
+        controllers=controllers,
+        paired=comparisons(table),
+    )
 
 
 def probabilities(
@@ -154,35 +229,35 @@ LINES = {
 }
 
 
-def text_summary(summary: dict[str, Any]) -> str:
+def text_summary(summary: CampaignSummary) -> str:
     """The summary as a table for a terminal."""
-    controllers = summary["controllers"]
-    uncertainty = summary["uncertainty"]
+    controllers = summary.controllers
+    uncertainty = summary.uncertainty
     half = (
         f"{100 * uncertainty:g} %" if isinstance(uncertainty, float) else "from a file"
     )
     rows = [["probability", *controllers]]
     for name, title in LINES.items():
-        if name == "p_unfinished" and not summary["has_waypoints"]:
+        if name == "p_unfinished" and not summary.has_waypoints:
             continue
-        entries = [of["probabilities"][name] for of in controllers.values()]
+        entries = [of.probabilities[name] for of in controllers.values()]
         rows.append([title, *map(in_interval, entries)])
     rows.append(["95 % of members below"])
     for channel, unit in CHANNEL_UNITS.items():
         name = f"{channel}.rms_error"
-        entries = [of["measures"][name]["q95"] for of in controllers.values()]
+        entries = [of.measures[name]["q95"] for of in controllers.values()]
         rows.append([f"  {channel} L2[e] [{unit}]", *map(_quantile, entries)])
     lines = [
-        f"{summary['members']} members, {summary['scenario']} on {summary['plant']}, "
-        f"uncertainty {half}, {100 * summary['confidence']:g} % intervals",
+        f"{summary.members} members, {summary.scenario} on {summary.plant}, "
+        f"uncertainty {half}, {100 * summary.confidence:g} % intervals",
         *_aligned(rows),
     ]
-    for label, entries in controllers.items():
+    for label, controller in controllers.items():
         lines.append(
-            f"{label}: worst member {entries['worst_member']}, "
-            f"median {entries['median_member']}"
+            f"{label}: worst member {controller.worst_member}, "
+            f"median {controller.median_member}"
         )
-    for entry in summary.get("requirements", ()):
+    for entry in summary.requirements:
         lines.append(
             f"{entry['requirement']}: {entry['verdict']} by {entry['controller']} "
             f"({short(entry['estimate'])} {brackets(entry['interval'])})"

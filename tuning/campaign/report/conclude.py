@@ -9,7 +9,7 @@ from jaxglider.files.writing import write_json
 from tuning.campaign.analysis.rank_correlations import drivers
 from tuning.campaign.analysis.requirements import Requirement
 from tuning.campaign.analysis.sensitivity import sensitivities
-from tuning.campaign.analysis.summary import summarise
+from tuning.campaign.analysis.summary import CampaignSummary, summarise
 from tuning.campaign.report.report import write_campaign_report
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.netcdf import write_members
@@ -19,9 +19,9 @@ from tuning.reporting.console import Progress, SilentProgress, note
 from tuning.reporting.exit_codes import OK, VIOLATED
 
 
-def exit_code(summary: dict[str, Any]) -> int:
+def exit_code(summary: CampaignSummary) -> int:
     """The exit code that follows from the requirements."""
-    broken = any(entry["verdict"] != "met" for entry in summary["requirements"])
+    broken = any(entry["verdict"] != "met" for entry in summary.requirements)
     return VIOLATED if broken else OK
 
 
@@ -49,7 +49,7 @@ def conclude(
     about: dict[str, Any],
     blocks: Rows | None = None,
     progress: Progress | None = None,
-) -> dict[str, Any]:
+) -> CampaignSummary:
     """The summary of a campaign or of a part of it.
 
     Args:
@@ -68,19 +68,29 @@ def conclude(
         campaign.waypoints,
         conclusions.confidence,
     )
-    summary["requirements"] = [
-        entry
-        for rule in conclusions.requirements
-        for entry in rule.judged(summary["controllers"])
-    ]
     names = campaign.uncertainty.names()
-    for number, entry in enumerate(summary["controllers"].values()):
-        entry["rank_correlations"] = drivers(table, names, number)
+    correlations = [drivers(table, names, n) for n in range(len(summary.controllers))]
+    answers: list[dict[str, Any] | None] = [None] * len(correlations)
     if blocks is not None:
         if progress:
             progress.show("differentiating ...")
-        sensitivities(campaign, conclusions.sensitivity, table, blocks, summary)
-    return summary | {"provenance": about}
+        answers = sensitivities(
+            campaign, conclusions.sensitivity, table, blocks, correlations
+        )
+    controllers = {
+        label: dataclasses.replace(
+            controller, rank_correlations=ranked, sensitivity=answer
+        )
+        for (label, controller), ranked, answer in zip(
+            summary.controllers.items(), correlations, answers, strict=True
+        )
+    }
+    requirements = [
+        entry for rule in conclusions.requirements for entry in rule.judged(controllers)
+    ]
+    return dataclasses.replace(
+        summary, controllers=controllers, requirements=requirements, provenance=about
+    )
 
 
 def write_conclusions(
@@ -88,7 +98,7 @@ def write_conclusions(
     campaign: Campaign,
     manifest: Manifest,
     rows: Any,
-    summary: dict[str, Any],
+    summary: CampaignSummary,
     *,
     report: bool,
     progress: Progress | None = None,
@@ -109,8 +119,8 @@ def write_conclusions(
     """
     progress = progress or SilentProgress()
     progress.show(f"writing to {folder} ...")
-    write_json(folder / "summary.json", summary)
-    write_members(folder / "members.nc", manifest, rows, summary["provenance"])
+    write_json(folder / "summary.json", summary.to_dict())
+    write_members(folder / "members.nc", manifest, rows, summary.provenance)
     if report:
         progress.show(f"drawing into {folder} ...")
         write_campaign_report(folder, campaign, Rows(rows, campaign.labels), summary)

@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from jaxglider.plotting.style import FAINT, INK, flat, label_time, legend_above, styles
 from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.ribbons import Ribbons
+from tuning.campaign.analysis.summary import CampaignSummary
 from tuning.campaign.run.rows import Rows
 from tuning.reporting.statistics import clopper_pearson
 
@@ -186,12 +187,12 @@ def bars(
     return axis
 
 
-def levels(axis: Axes, summaries: Sequence[dict[str, Any]]) -> Axes:
+def levels(axis: Axes, summaries: Sequence[CampaignSummary]) -> Axes:
     """The probability of leaving a funnel against how much is uncertain."""
-    widths = [100.0 * summary["uncertainty"] for summary in summaries]
-    for label, style in styles(summaries[0]["controllers"]).items():
+    widths = [100.0 * float(summary.uncertainty) for summary in summaries]
+    for label, style in styles(summaries[0].controllers).items():
         entries = [
-            summary["controllers"][label]["probabilities"]["p_violation"]
+            summary.controllers[label].probabilities["p_violation"]
             for summary in summaries
         ]
         p = np.asarray([entry["p"] for entry in entries])

@@ -8,7 +8,11 @@ from jaxglider.files.writing import write_json, write_text
 from jaxglider.plotting.save import save
 from jaxglider.plotting.style import COLUMN, look, new_figure
 from tuning.campaign.analysis.rank_correlations import SEVERITY
-from tuning.campaign.analysis.summary import in_interval
+from tuning.campaign.analysis.summary import (
+    CampaignSummary,
+    ControllerSummary,
+    in_interval,
+)
 from tuning.campaign.report import figures
 from tuning.reporting.output_folder import LOCK
 from tuning.reporting.tables import markdown_table
@@ -50,7 +54,7 @@ def folder_names(levels: Sequence[float | Path]) -> dict[float | Path, str]:
 
 
 def write_levels(
-    folder: Path, summaries: dict[str, dict[str, Any]], *, draws: bool
+    folder: Path, summaries: dict[str, CampaignSummary], *, draws: bool
 ) -> None:
     """Write summary.json and report.md of all levels.
 
@@ -64,29 +68,29 @@ def write_levels(
         return
     ordered = list(summaries.values())
     parts = [
-        f"# How sure: {ordered[0]['scenario']} on {ordered[0]['plant']}\n",
-        f"{ordered[0]['members']} members at each level, with the same draws, only "
-        f"wider. Brackets are {100 * ordered[0]['confidence']:g} % intervals.\n",
+        f"# How sure: {ordered[0].scenario} on {ordered[0].plant}\n",
+        f"{ordered[0].members} members at each level, with the same draws, only "
+        f"wider. Brackets are {100 * ordered[0].confidence:g} % intervals.\n",
     ]
-    if all(isinstance(summary["uncertainty"], float) for summary in ordered):
+    if all(isinstance(summary.uncertainty, float) for summary in ordered):
         with look():
             figure = new_figure(COLUMN, 2.6)
             figures.levels(figure.subplots(), ordered)
             save(figure, folder / "levels.png")
         parts.append("![levels](levels.png)\n")
-    labels = list(ordered[0]["controllers"])
+    labels = list(ordered[0].controllers)
     for event, title in _EVENTS.items():
         rows = [
             [f"[{name}]({name}/report.md)"]
             + [
-                in_interval(summary["controllers"][label]["probabilities"][event])
+                in_interval(summary.controllers[label].probabilities[event])
                 for label in labels
             ]
             for name, summary in summaries.items()
         ]
         parts += [f"## {title.capitalize()}\n", *markdown_table(["", *labels], rows, 1)]
     rows = [
-        [name, label, ", ".join(_strongest(summary["controllers"][label]))]
+        [name, label, ", ".join(_strongest(summary.controllers[label]))]
         for name, summary in summaries.items()
         for label in labels
     ]
@@ -99,11 +103,11 @@ def write_levels(
     write_text(folder / "report.md", "\n".join(parts) + "\n")
 
 
-def named(summaries: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+def named(summaries: dict[str, CampaignSummary]) -> list[dict[str, Any]]:
     """Summaries of the levels, each with the name of its folder."""
-    return [{"level": name, **summary} for name, summary in summaries.items()]
+    return [{"level": name, **summary.to_dict()} for name, summary in summaries.items()]
 
 
-def _strongest(controller: dict[str, Any]) -> list[str]:
-    ranked = controller["rank_correlations"][SEVERITY][:4]
+def _strongest(controller: ControllerSummary) -> list[str]:
+    ranked = controller.rank_correlations[SEVERITY][:4]
     return [f"{entry['quantity']} {entry['rho']:+.2f}" for entry in ranked]

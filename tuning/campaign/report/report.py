@@ -1,7 +1,6 @@
 """The report of a campaign: how likely is trouble, what drives it, in tables."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from tuning.campaign.analysis.rank_correlations import SEVERITY
 from tuning.campaign.analysis.ribbons import ribbons
 from tuning.campaign.analysis.summary import (
     LINES,
+    CampaignSummary,
     brackets,
     in_interval,
     severity,
@@ -35,7 +35,7 @@ _TOP = 8
 
 
 def write_campaign_report(
-    folder: Path, campaign: Campaign, table: Rows, summary: dict[str, Any]
+    folder: Path, campaign: Campaign, table: Rows, summary: CampaignSummary
 ) -> None:
     """Write report.md and its figures.
 
@@ -54,8 +54,8 @@ def write_campaign_report(
     write_text(folder / "report.md", "\n".join(parts) + "\n")
 
 
-def _head(summary: dict[str, Any]) -> str:
-    uncertainty = summary["uncertainty"]
+def _head(summary: CampaignSummary) -> str:
+    uncertainty = summary.uncertainty
     how = (
         "Masses, inertias and hydrodynamic coefficients differ by up to "
         f"±{100 * uncertainty:g} %, evenly, and so do the amplitudes of the waves; "
@@ -65,34 +65,34 @@ def _head(summary: dict[str, Any]) -> str:
     )
     exact = (
         ""
-        if summary["design"] == "monte-carlo"
-        else f" Members are placed by {summary['design']}, more evenly than at random: "
+        if summary.design == "monte-carlo"
+        else f" Members are placed by {summary.design}, more evenly than at random: "
         "the intervals are then usually too wide."
     )
     return (
-        f"# How sure: {summary['scenario']} on {summary['plant']}\n\n"
-        f"{summary['members']} members, the same for every set of gains. {how} All "
+        f"# How sure: {summary.scenario} on {summary.plant}\n\n"
+        f"{summary.members} members, the same for every set of gains. {how} All "
         "are judged by one funnel, that of the case. A run that became non-finite "
         "counts as every kind of trouble and as worse than any other. "
-        f"Brackets are {100 * summary['confidence']:g} % intervals: exact ones "
+        f"Brackets are {100 * summary.confidence:g} % intervals: exact ones "
         "(Clopper and Pearson) of probabilities, order statistics of quantiles."
         f"{exact}\n"
     )
 
 
-def _likely(summary: dict[str, Any]) -> list[str]:
-    controllers = summary["controllers"]
+def _likely(summary: CampaignSummary) -> list[str]:
+    controllers = summary.controllers
     rows = [
         [title.strip()]
-        + [in_interval(c["probabilities"][name]) for c in controllers.values()]
+        + [in_interval(c.probabilities[name]) for c in controllers.values()]
         for name, title in LINES.items()
-        if name != "p_unfinished" or summary["has_waypoints"]
+        if name != "p_unfinished" or summary.has_waypoints
     ]
     return ["## How likely is trouble\n", *markdown_table(["", *controllers], rows, 1)]
 
 
-def _required(summary: dict[str, Any]) -> list[str]:
-    if not summary["requirements"]:
+def _required(summary: CampaignSummary) -> list[str]:
+    if not summary.requirements:
         return []
     rows = [
         [
@@ -101,13 +101,13 @@ def _required(summary: dict[str, Any]) -> list[str]:
             entry["verdict"],
             f"{short(entry['estimate'])} {brackets(entry['interval'])}",
         ]
-        for entry in summary["requirements"]
+        for entry in summary.requirements
     ]
     head = ["requirement", "gains", "verdict", "estimate"]
     return ["## Requirements\n", *markdown_table(head, rows, 3)]
 
 
-def _measures(summary: dict[str, Any]) -> list[str]:
+def _measures(summary: CampaignSummary) -> list[str]:
     titles = {
         "rms_error": "L2[e]",
         "max_error_settled": "max error settled",
@@ -118,8 +118,8 @@ def _measures(summary: dict[str, Any]) -> list[str]:
     named = {f"{c}.{m}": f"{c} {t}" for c in CHANNELS for m, t in titles.items()}
     rows = []
     for name, title in {**named, "max_roll": "largest roll"}.items():
-        for label, controller in summary["controllers"].items():
-            spread = controller["measures"][name]
+        for label, controller in summary.controllers.items():
+            spread = controller.measures[name]
             cells = [
                 f"{short(spread[q]['value'])} {brackets(spread[q]['interval'])}"
                 for q in ("q50", "q95", "cvar95")
@@ -131,9 +131,9 @@ def _measures(summary: dict[str, Any]) -> list[str]:
     return ["## How large are the errors\n", *markdown_table(head, rows, 2)]
 
 
-def _compared(summary: dict[str, Any]) -> list[str]:
+def _compared(summary: CampaignSummary) -> list[str]:
     parts = []
-    for pair in summary["paired"]:
+    for pair in summary.paired:
         event = pair["violation"]
         parts.append(f"## {pair['second']} against {pair['first']}\n")
         parts.append(
@@ -155,25 +155,25 @@ def _compared(summary: dict[str, Any]) -> list[str]:
     return parts
 
 
-def _failed(summary: dict[str, Any]) -> list[str]:
+def _failed(summary: CampaignSummary) -> list[str]:
     parts = []
-    for label, controller in summary["controllers"].items():
-        failed = controller["failed_members"]
+    for label, controller in summary.controllers.items():
+        failed = controller.failed_members
         if failed:
             listed = ", ".join(str(n) for n in failed[:20])
             more = f" and {len(failed) - 20} more (summary.json)" * (len(failed) > 20)
             parts.append(f"- {label}: not finite in members {listed}{more}")
         parts.append(
-            f"- {label}: worst member {controller['worst_member']}, median "
-            f"{controller['median_member']}; `jaxglider rerun` shows them"
+            f"- {label}: worst member {controller.worst_member}, median "
+            f"{controller.median_member}; `jaxglider rerun` shows them"
         )
     return ["## Members to look at\n", *parts, ""]
 
 
-def _driven(summary: dict[str, Any]) -> list[str]:
+def _driven(summary: CampaignSummary) -> list[str]:
     rows = []
-    for label, controller in summary["controllers"].items():
-        for output, ranked in controller["rank_correlations"].items():
+    for label, controller in summary.controllers.items():
+        for output, ranked in controller.rank_correlations.items():
             leading = [
                 f"{entry['quantity']} {entry['rho']:+.2f}" for entry in ranked[:4]
             ]
@@ -191,7 +191,7 @@ def _picture(name: str) -> str:
 
 
 def _figures(
-    folder: Path, campaign: Campaign, table: Rows, summary: dict[str, Any]
+    folder: Path, campaign: Campaign, table: Rows, summary: CampaignSummary
 ) -> list[str]:
     """Draw; the names of the figures that stand at the end of the report."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -207,7 +207,7 @@ def _figures(
         panels = figure.subplots(1, len(table.labels), squeeze=False)[0]
         quantities = campaign.uncertainty.quantities
         for number, (label, style) in enumerate(styled.items()):
-            ranked = summary["controllers"][label]["rank_correlations"][SEVERITY]
+            ranked = summary.controllers[label].rank_correlations[SEVERITY]
             if not ranked:
                 continue
             worst = ranked[0]["quantity"]
@@ -221,16 +221,18 @@ def _figures(
         save(figure, folder / "scatter.png")
         _correlation_bars(folder, summary)
         names = ["scatter", "rank_correlations"]
-        for number, controller in enumerate(summary["controllers"].values()):
-            if "sensitivity" in controller:
+        for number, controller in enumerate(summary.controllers.values()):
+            if controller.sensitivity is not None:
                 names.append(f"sobol_{number}")
-                save(sobol_figure(controller), folder / f"sobol_{number}.png")
+                save(
+                    sobol_figure(controller.sensitivity), folder / f"sobol_{number}.png"
+                )
         for number, (label, style) in enumerate(styled.items()):
             curves = ribbons(
                 campaign,
                 number,
                 len(table),
-                summary["controllers"][label]["worst_member"],
+                summary.controllers[label].worst_member,
             )
             figure = new_figure(COLUMN, 4.6)
             figures.draw_ribbons(
@@ -242,11 +244,11 @@ def _figures(
     return names
 
 
-def _correlation_bars(folder: Path, summary: dict[str, Any]) -> None:
+def _correlation_bars(folder: Path, summary: CampaignSummary) -> None:
     """The strongest rank correlations with the severity, of every set of gains."""
     correlations = {
-        label: {e["quantity"]: e for e in entry["rank_correlations"][SEVERITY]}
-        for label, entry in summary["controllers"].items()
+        label: {e["quantity"]: e for e in entry.rank_correlations[SEVERITY]}
+        for label, entry in summary.controllers.items()
     }
     first = next(iter(correlations.values()))
     strongest = {q: max(abs(f[q]["rho"]) for f in correlations.values()) for q in first}

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from jaxglider.plotting.style import PAGE, distinct_styles, legend_above, new_figure
 from tuning.campaign.analysis.rank_correlations import LEFT, SEVERITY
-from tuning.campaign.analysis.summary import brackets, short
+from tuning.campaign.analysis.summary import CampaignSummary, brackets, short
 from tuning.campaign.report import figures
 from tuning.reporting.tables import markdown_table
 
@@ -15,11 +15,11 @@ _TOP = 8
 _DRAWN = {LEFT: "leaving a funnel", SEVERITY: "the severity"}
 
 
-def blamed(summary: dict[str, Any]) -> list[str]:
+def blamed(summary: CampaignSummary) -> list[str]:
     """The sensitivities of every set of gains, in Markdown; nothing where none are."""
     parts: list[str] = []
-    for label, controller in summary["controllers"].items():
-        for output, one in controller.get("sensitivity", {}).items():
+    for label, controller in summary.controllers.items():
+        for output, one in (controller.sensitivity or {}).items():
             parts.append(f"### {label}: {output}\n")
             parts += _rows(one) + _words(one)
     if not parts:
@@ -75,15 +75,13 @@ def sobol_figure(sensitivity: dict[str, Any]) -> Figure:
     """Sorted bars of total and first indices, of leaving a funnel and how far.
 
     Args:
-        sensitivity: sensitivities of one set of gains in the summary.
+        sensitivity: sensitivities of one set of gains, by output.
     """
     figure = new_figure(PAGE, 3.2)
     panels = figure.subplots(1, len(_DRAWN))
     colours = [style.colour for style in distinct_styles(2)]
     for axis, (output, title) in zip(panels, _DRAWN.items(), strict=True):
-        rows = [
-            row for row in sensitivity["sensitivity"][output]["rows"] if "total" in row
-        ]
+        rows = [row for row in sensitivity[output]["rows"] if "total" in row]
         rows = rows[:_TOP]
         axis.set_xlabel(f"Sobol index of {title}")
         if not rows:

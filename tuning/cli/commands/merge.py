@@ -38,5 +38,5 @@ def merge(options: argparse.Namespace) -> int:
         report=not options.no_report,
         progress=Progress(),
     )
-    print_result(summary, text_summary(summary), as_json=options.json)
+    print_result(summary.to_dict(), text_summary(summary), as_json=options.json)
     return exit_code(summary)

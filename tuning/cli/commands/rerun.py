@@ -188,11 +188,11 @@ def _equal(first: np.ndarray, second: np.ndarray) -> bool:
 
 
 def _difference(first: np.ndarray, second: np.ndarray) -> float | None:
-    """The largest relative difference; None where one is not finite."""
+    """The largest relative difference; None where one alone is not a number."""
     with np.errstate(invalid="ignore"):
         size = np.maximum(np.abs(first), np.abs(second))
         apart = np.abs(first - second) / np.where(size > 0.0, size, 1.0)
-    return _plain(apart.max())
+    return _plain(np.where(np.isnan(first) & np.isnan(second), 0.0, apart).max())
 
 
 def _plain(value: Any) -> float | None:

@@ -3,9 +3,8 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
-from tuning.campaign.analysis.summary import MEASURES, text_summary
+from tuning.campaign.analysis.summary import MEASURES, CampaignSummary, text_summary
 from tuning.campaign.execute import Execution, execute, execute_on_hosts
 from tuning.campaign.report.levels import folder_names, named, write_levels
 from tuning.campaign.run.campaign import Campaign, build
@@ -23,7 +22,7 @@ def sweep(options: argparse.Namespace) -> int:
     for rule in options.require:
         rule.check(campaigns[levels[0]].labels, MEASURES)
     codes: list[int] = []
-    summaries: dict[str, dict[str, Any]] = {}
+    summaries: dict[str, CampaignSummary] = {}
     for level, campaign in campaigns.items():
         folder = options.out if len(levels) == 1 else options.out / names[level]
         code, summary = _execute(options, campaign, folder)
@@ -35,7 +34,8 @@ def sweep(options: argparse.Namespace) -> int:
     if summaries:
         texts = {name: text_summary(summary) for name, summary in summaries.items()}
         if len(levels) == 1:
-            (result,) = summaries.values()
+            (alone,) = summaries.values()
+            result = alone.to_dict()
         else:
             result = {"levels": named(summaries)}
             texts = {name: f"{name}: {text}" for name, text in texts.items()}
@@ -48,7 +48,7 @@ def sweep(options: argparse.Namespace) -> int:
 
 def _execute(
     options: argparse.Namespace, campaign: Campaign, folder: Path
-) -> tuple[int, dict[str, Any] | None]:
+) -> tuple[int, CampaignSummary | None]:
     execution = Execution(
         options.shard, options.resume, options.overwrite, sys.argv[1:]
     )
