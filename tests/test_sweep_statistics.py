@@ -195,3 +195,12 @@ def test_quantiles_and_tests_are_those_of_scipys_statistics(n):
     for column, rho in zip(tied.T, found, strict=True):
         if np.ptp(column) > 0.0:
             assert rho == pytest.approx(stats.spearmanr(column, x).statistic)
+
+
+def test_a_measure_that_some_runs_do_not_have_is_that_of_the_others():
+    """A run that ended before its funnel settled is neither good nor bad."""
+    values = np.arange(40.0)
+    with_gaps = np.concatenate([values, np.full(7, np.nan)])
+    assert spread(with_gaps) == spread(values)
+    nothing = spread(np.full(3, np.nan))
+    assert nothing["mean"] is nothing["worst"] is nothing["q95"]["value"] is None

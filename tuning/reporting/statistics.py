@@ -128,7 +128,18 @@ def cvar(
 
 
 def spread(values: np.ndarray, level: float = LEVEL) -> dict[str, Any]:
-    """Mean, quantiles with intervals, CVaR and the worst of a measure."""
+    """Mean, quantiles with intervals, CVaR and the worst of a measure.
+
+    Args:
+        values: measure of each member; infinite where it failed, NaN where it has none,
+            and left out. All is None where no member has one.
+        level: level of confidence.
+    """
+    values = values[~np.isnan(values)]
+    if not len(values):
+        nothing = {"value": None, "interval": None}
+        names = ("q05", "q50", "q95", "q99", "cvar95")
+        return {"mean": None, **dict.fromkeys(names, nothing), "worst": None}
     known = values[np.isfinite(values)]
     return {
         "mean": float(known.mean()) if len(known) == len(values) else None,

@@ -112,9 +112,13 @@ class Rows:
         return self.raw(gains, "finite") != 1.0
 
     def column(self, gains: int, name: str) -> np.ndarray:
-        """A column with infinity for every run that failed."""
+        """A column with infinity for every run that failed.
+
+        What a run that did not fail cannot tell, as the largest error after settling
+        of one that ended before, stays NaN: it is neither good nor bad.
+        """
         values = self.raw(gains, name)
-        return np.where(self.failed(gains) | ~np.isfinite(values), np.inf, values)
+        return np.where(self.failed(gains) | np.isinf(values), np.inf, values)
 
     def left_funnel(self, gains: int, channel: str | None = None) -> np.ndarray:
         """Flags of members that left the funnel of one channel or any; failures did."""
