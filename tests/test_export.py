@@ -1,6 +1,8 @@
 """The exported C code does what the traced function does, tick by tick."""
 
+import dataclasses
 import re
+import runpy
 import shutil
 import subprocess
 from pathlib import Path
@@ -11,7 +13,6 @@ import numpy as np
 import pytest
 from compiled_c import Onboard, columns
 
-import jaxglider
 from jaxglider import paper
 from jaxglider.export import export_c
 from jaxglider.export.autopilot import STRICT, TEMPLATES, autopilot_source
@@ -112,22 +113,18 @@ def folder(course, tmp_path_factory):
 
 
 @needs_compiler
-def test_the_readmes_own_controller_exports_too(tmp_path):
-    readme = (Path(__file__).parents[1] / "README.md").read_text()
-    blocks = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
-    (block,) = (b for b in blocks if "class Proportional" in b)
-    names = {
-        "jaxglider": jaxglider,
-        "loop": paper.make_loop("waypoints", controller="smc"),
-    }
-    exec(block.rsplit("print(", 1)[0], names)
-    pilot = autopilot(names["own"])
+def test_the_controller_of_the_docs_exports_too(tmp_path):
+    example = Path(__file__).parents[1] / "docs" / "examples" / "proportional.py"
+    law = runpy.run_path(str(example))["Proportional"]
+    loop = paper.make_loop("waypoints", controller="smc")
+    own = dataclasses.replace(loop, controller=law(loop.controller.model))
+    pilot = autopilot(own)
     times = np.arange(1000) * 0.05
     waves = np.sin(times[:, None] * np.arange(1, 13) / 7.0) / 3.0
     rows = jax.tree.unflatten(jax.tree.structure(zeros(GliderState)), list(waves.T))
     expected = columns(replay(pilot, times, rows))
     source = autopilot_source(pilot, "my own")
-    assert "controller_gain_pitch" in source.header
+    assert "controller_stiffness_pitch" in source.header
     found = Onboard(tmp_path, source).replay(times, rows)
     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12)
     assert np.ptp(expected[:, 0]) > 0.1

@@ -93,20 +93,20 @@ def decode(
         key = _key(field, channel)
         if field.name in _NAMED:
             key = field.name
-        given = rest.pop(key, None)
-        if given is None:
+        value = rest.pop(key, None)
+        if value is None:
             if old is not None:
                 values[field.name] = old
             continue
         where = f"{path}.{key}"
         if field.name in _NAMED:
-            values[field.name] = choice(given, _NAMED[field.name], where)
+            values[field.name] = choice(value, _NAMED[field.name], where)
         elif isinstance(old, eqx.Module):
-            values[field.name] = decode(old, given, where, field.name, field.type)
+            values[field.name] = decode(old, value, where, field.name, field.type)
         elif field.metadata.get("static", False):
-            values[field.name] = whole_number(given, where)
+            values[field.name] = whole_number(value, where)
         else:
-            values[field.name] = number(given, where)
+            values[field.name] = number(value, where)
     allowed = [
         _key(field, channel)
         for field in dataclasses.fields(kind)

@@ -179,6 +179,6 @@ def decode_observer(table: Any, default: Any, model: DesignModel) -> Any:
     """
     if isinstance(table, dict) and "type" in table:
         choice(table["type"], dict(OBSERVERS), "observer.type")
-        asked = paper.make_observer(table["type"], model)
-        default = default if type(default) is type(asked) else asked
+        other = paper.make_observer(table["type"], model)
+        default = default if type(default) is type(other) else other
     return decode(default, table, "observer")

@@ -175,8 +175,8 @@ def _law(
     data: Any, model: DesignModel, case: str, funnel: Funnel | None, folder: Path
 ) -> LoadedGains:
     """Gains of the table over those of its gains file, or over the law's first."""
-    found = with_law_found(data, folder) if isinstance(data, dict) else data
-    table = TomlTable(found, "controller")
+    complete = with_law_found(data, folder) if isinstance(data, dict) else data
+    table = TomlTable(complete, "controller")
     source = table.get("gains_file", None)
     if source is None:
         kind, text = kind_of(table, "fxtppc")

@@ -116,6 +116,7 @@ def empty_sums(like: Scalar) -> Sums:
     )
 
 
+@jax.named_scope("metrics")
 def add_tick(
     sums: Sums,
     *,

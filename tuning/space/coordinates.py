@@ -111,9 +111,9 @@ def expand(loop: ClosedLoop, paths: Sequence[str]) -> tuple[str, ...]:
         ValueError: a path under which nothing can be tuned.
     """
     known = [(path, path.split(".")) for path in tunable_paths(loop)]
-    found: dict[str, None] = {}
-    for given in [paths] if isinstance(paths, str) else paths:
-        wanted = given.split(".")
+    matches: dict[str, None] = {}
+    for pattern in [paths] if isinstance(paths, str) else paths:
+        wanted = pattern.split(".")
         under = [
             path
             for path, parts in known
@@ -121,11 +121,11 @@ def expand(loop: ClosedLoop, paths: Sequence[str]) -> tuple[str, ...]:
             and all(w in ("*", part) for w, part in zip(wanted, parts, strict=False))
         ]
         if not under:
-            raise ValueError(_unknown(given, [path for path, _ in known]))
-        found.update(dict.fromkeys(under))
-    if not found:
+            raise ValueError(_unknown(pattern, [path for path, _ in known]))
+        matches.update(dict.fromkeys(under))
+    if not matches:
         raise ValueError("paths is empty; name at least one number to tune.")
-    return tuple(found)
+    return tuple(matches)
 
 
 def pairs(loop: ClosedLoop, bounds: BodyAxes[Any] | None) -> Iterator[Pair]:
@@ -241,17 +241,17 @@ def leaves(loop: ClosedLoop, paths: Sequence[str]) -> list[Any]:
     return [attrgetter(path)(loop) for path in paths]
 
 
-def _unknown(given: str, known: list[str]) -> str:
+def _unknown(pattern: str, known: list[str]) -> str:
     groups = {".".join(path.split(".")[:n]) for path in known for n in range(1, 6)}
-    near = difflib.get_close_matches(given, sorted(groups), 3)
+    near = difflib.get_close_matches(pattern, sorted(groups), 3)
     if near:
         return (
-            f"{given!r} names nothing to tune in this closed loop; did you mean "
+            f"{pattern!r} names nothing to tune in this closed loop; did you mean "
             f"{' or '.join(near)}? Below {', '.join(_heads(known))} there are "
             f"{len(known)} numbers."
         )
     return (
-        f"{given!r} names nothing to tune in this closed loop; "
+        f"{pattern!r} names nothing to tune in this closed loop; "
         f"choose from {', '.join(known)}."
     )
 
