@@ -8,8 +8,13 @@ import tempfile
 import pytest
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
-os.environ["XLA_FLAGS"] = (
-    os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
+# Programs here run once or twice: a quarter of the time of the compiler goes into making
+# them faster than that pays. A flag given from outside wins.
+os.environ["XLA_FLAGS"] = " ".join(
+    [
+        "--xla_force_host_platform_device_count=2 --xla_backend_optimization_level=0",
+        os.environ.get("XLA_FLAGS", ""),
+    ]
 ).strip()
 
 from jaxtyping import install_import_hook

@@ -26,7 +26,9 @@ from jaxglider.simulation.rollout import evaluate, sparse_checkpoints
 from jaxglider.vehicle.parameters import GliderParameters
 from jaxglider.vehicle.plant import AbstractPlant
 
-STEPS = (1e-3, 1e-4, 1e-5, 1e-6)
+STEPS = (1e-4, 1e-5, 1e-3, 1e-6)
+BLOCK = 16
+"""Floats whose differences are taken at once."""
 TOLERANCE = 1e-5
 FLOOR = 1e-10
 """Below this, relative to the objective of about 5, differences are rounding."""
@@ -93,6 +95,13 @@ def proposed():
     return make
 
 
+def _blocks(numbers):
+    """The numbers in blocks of one length, the last filled up with its first."""
+    for n in range(0, len(numbers), BLOCK):
+        block = numbers[n : n + BLOCK]
+        yield np.append(block, np.full(BLOCK - len(block), block[0]))
+
+
 # Each scenario and each of the two plants once, so every float of each is covered; the
 # two others would pair the same formulas anew.
 @pytest.mark.parametrize(
@@ -104,19 +113,22 @@ def test_every_gain_and_parameter_agrees_with_central_differences(
     loop, start, loss, both = proposed(scenario, plant)
     value, gradient = both(start)
     scale = np.where(np.asarray(start) != 0.0, np.abs(start), 1.0)
+    allowed = TOLERANCE * np.abs(gradient) * scale + FLOOR * float(value)
     batch = jax.jit(lambda points: map_members(loss, points))
     error = np.full(start.size, np.inf)
     for h in STEPS:
-        shift = jnp.diag(jnp.asarray(h * scale))
-        points = [start + shift, start - shift, start + 2 * shift, start - 2 * shift]
-        plus, minus, plus2, minus2 = np.split(
-            np.asarray(batch(jnp.concatenate(points))), 4
-        )
-        second = (plus - minus) / (2 * h)
-        fourth = (8 * (plus - minus) - (plus2 - minus2)) / (12 * h)
-        for difference in (second, fourth):
-            error = np.minimum(error, np.abs(difference - np.asarray(gradient) * scale))
-    allowed = TOLERANCE * np.abs(gradient) * scale + FLOOR * float(value)
+        # The next size only for those that no earlier one was right for.
+        for block in _blocks(np.flatnonzero(error > allowed)):
+            shift = h * scale[block, None] * np.eye(start.size)[block]
+            points = [start + n * shift for n in (1, -1, 2, -2)]
+            plus, minus, plus2, minus2 = np.split(
+                np.asarray(batch(jnp.concatenate(points))), 4
+            )
+            second = (plus - minus) / (2 * h)
+            fourth = (8 * (plus - minus) - (plus2 - minus2)) / (12 * h)
+            slope = (np.asarray(gradient) * scale)[block]
+            least = np.minimum(np.abs(second - slope), np.abs(fourth - slope))
+            error[block] = np.minimum(error[block], least)
     names = _names(_parts(loop))
     bad = [f"{names[i]}: {error[i]:.1e}" for i in np.flatnonzero(error > allowed)]
     assert not bad, bad
@@ -174,7 +186,7 @@ def test_gradient_is_exact_where_the_error_starts_at_zero_and_at_the_funnel_edge
 
 
 def test_forward_and_reverse_mode_agree_and_auto_is_one_of_them(baselines):
-    *_, start, loss, both = baselines["ppc"]
+    *_, start, loss, both = baselines["smc"]
     again, reverse = both(start)
     value, forward = jax.jit(value_and_gradient(loss, "forward"))(start)
     assert float(value) == pytest.approx(float(again), rel=1e-13)
