@@ -60,7 +60,8 @@ def at_home(tmp_path, monkeypatch):
 
 def _environment(tmp_path, **more):
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("JAX", "XLA"))}
-    return {**clean, "JAX_PLATFORMS": "cpu", "XDG_CACHE_HOME": str(tmp_path), **more}
+    quick = {"JAX_PLATFORMS": "cpu", "XLA_FLAGS": "--xla_backend_optimization_level=0"}
+    return {**clean, **quick, "XDG_CACHE_HOME": str(tmp_path), **more}
 
 
 def encoded(*parts):
