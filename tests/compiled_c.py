@@ -37,8 +37,9 @@ def structure(made, single=False):
         "int32": ctypes.c_int32,
     }
     fields = [
-        (f.name, kinds[f.kind] * f.size if f.shape else kinds[f.kind])
+        (f.name, kind * f.size if f.shape else kind)
         for f in made.fields()
+        for kind in [ctypes.c_double if f.origin else kinds[f.kind]]
     ]
     return type(made.name, (ctypes.Structure,), {"_fields_": fields})
 

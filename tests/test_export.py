@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 import compiled_c
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -16,11 +17,13 @@ from compiled_c import Onboard, columns
 from jaxglider import paper
 from jaxglider.export import export_c
 from jaxglider.export.autopilot import STRICT, TEMPLATES, autopilot_source
+from jaxglider.export.bundle import refuse_idle
+from jaxglider.export.c.block import ExportError
 from jaxglider.export.columns import columns_text
 from jaxglider.export.plant import plant_source
-from jaxglider.export.vectors import broken, fly, replay, sea
+from jaxglider.export.vectors import broken, fly, replay, sea, window
 from jaxglider.onboard.autopilot import autopilot
-from jaxglider.onboard.guard import Guard, status_names
+from jaxglider.onboard.guard import BITS, Guard, status_names
 from jaxglider.signals import GliderState, zeros
 
 needs_compiler = pytest.mark.skipif(
@@ -183,6 +186,66 @@ def test_make_fails_where_code_and_vectors_differ(folder, what, tmp_path):
     ran = subprocess.run(["./parity_double"], cwd=where, capture_output=True, text=True)
     assert ran.returncode == 1
     assert "FAIL" in ran.stdout
+
+
+@needs_make
+def test_parity_fails_where_the_controller_never_steers(folder, tmp_path):
+    """Vectors that it meets to the last digit, but every measurement is lost."""
+    where = tmp_path / "idle"
+    shutil.copytree(folder[1], where)
+    vectors = where / "test/vectors.csv"
+    header, *lines = vectors.read_text().splitlines()
+    depth = header.split(",").index("depth")
+    lost = BITS["measurement_lost"] | BITS["measurement_held"]
+    rows = [line.split(",") for line in lines]
+    for row in rows:
+        row[depth] = "nan"
+        row[-4:] = "0", "0", "0", str(lost)
+    text = "\n".join(",".join(row) for row in rows)
+    vectors.write_text(f"{header}\n{text}\n")
+    assert _make(where, "parity_double").returncode == 0
+    ran = subprocess.run(["./parity_double"], cwd=where, capture_output=True, text=True)
+    assert ran.returncode == 1
+    assert re.search(r"vectors.csv .*difference 0\.00e\+00.*FAIL", ran.stdout)
+    assert "vectors.csv: the controller steers on 0 ticks" in ran.stdout
+    assert "closed_loop.csv: the controller steers" not in ran.stdout
+
+
+@pytest.mark.parametrize(
+    ("scenario", "changes", "said"),
+    [
+        ("switching", {"speed": 1e-6}, "measurement_held and measurement_lost"),
+        ("waypoints", {}, "finished"),
+    ],
+)
+def test_an_autopilot_that_never_steers_is_not_exported(scenario, changes, said):
+    """It believes no speed, or is at its last waypoint before it starts."""
+    loop = paper.make_loop(scenario, "printed", "smc")
+    if scenario == "waypoints":
+        path = dataclasses.replace(loop.scenario.reference, north=[1.0], east=[2.0])
+        own = dataclasses.replace(loop.scenario, reference=path)
+        loop = dataclasses.replace(loop, scenario=own)
+    pilot = autopilot(loop, Guard(patience=0.1, **changes))
+    seen, _ = fly(pilot, loop, sea(loop, 1000, hold=20))
+    with pytest.raises(ExportError, match=f"would not steer.*without {said}"):
+        refuse_idle(seen)
+
+
+def test_vectors_are_taken_before_the_mission_is_over(course):
+    """Schedules restart the funnel after the last waypoint too, to no purpose."""
+    ticks = np.arange(100)
+
+    def log(status):
+        return eqx.tree_at(
+            lambda s: (s.time, s.status, s.segment),
+            course[2],
+            (ticks, status, ticks // 80),
+        )
+
+    ended = log(np.where(ticks < 60, 0, BITS["finished"]))
+    assert window(ended, 20) == slice(40, 60)
+    assert window(ended, 80) == slice(0, 80)
+    assert window(log(0 * ticks), 20) == slice(69, 89)
 
 
 def test_vectors_hold_a_restart_of_the_funnel_and_faults(folder):

@@ -27,6 +27,9 @@ TEMPLATES = resources.files("jaxglider.export") / "templates"
 CONSTANTS = {"glider": "glider_gains", "plant": "plant_truth"}
 """Name of the constants of each part."""
 
+ORIGINS = {"north": "GLIDER_ORIGIN_NORTH", "east": "GLIDER_ORIGIN_EAST"}
+"""Measured positions are true ones, in double precision; what is taken off them."""
+
 STRICT = "-std=c99 -pedantic -Wall -Wextra -Werror"
 
 
@@ -100,6 +103,7 @@ def autopilot_source(pilot: Autopilot, about: str) -> Source:
             "What was measured at the start of the tick; NaN where it is missing.",
             measured,
             hidden=("state",),
+            origins=ORIGINS,
         ),
         "reference": Structure(
             "glider_reference",
@@ -198,6 +202,10 @@ def check_precision(tree: Any) -> None:
 def _status_text(pilot: Autopilot) -> str:
     lines = [
         f"/* The control tick [s]. */\n#define GLIDER_DT {float(pilot.dt)!r}\n",
+        "/* Taken off measured positions in double precision, at once: the rest, in "
+        "single\n   precision too, is about small numbers [m]. */",
+        f"#define GLIDER_ORIGIN_NORTH {pilot.origin.north!r}",
+        f"#define GLIDER_ORIGIN_EAST {pilot.origin.east!r}\n",
         "/* Bits of the status word. */",
         "enum {",
     ]

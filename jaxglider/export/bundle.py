@@ -13,19 +13,30 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.export.autopilot import TEMPLATES, Source, autopilot_source
+from jaxglider.export.c.block import ExportError
 from jaxglider.export.columns import columns_text
 from jaxglider.export.cost import Cost, cost_of
 from jaxglider.export.plant import plant_source
 from jaxglider.export.readme import readme_text
-from jaxglider.export.vectors import TickLog, broken, fly, replay, sea, window
+from jaxglider.export.vectors import (
+    TickLog,
+    broken,
+    fly,
+    replay,
+    sea,
+    through_the_map,
+    window,
+)
 from jaxglider.files.writing import write_text
 from jaxglider.onboard.autopilot import Autopilot, autopilot
-from jaxglider.onboard.guard import Guard
+from jaxglider.onboard.guard import BITS, Guard, status_names
 from jaxglider.simulation.closed_loop import ClosedLoop
 
 VECTOR_TICKS = 1000
 CLOSED_LOOP = 800.0
 """Duration of the run in closed loop [s]."""
+IDLE = ("measurement_held", "measurement_lost", "reference_held", "command_held")
+"""What is said of a tick whose command is not the law's own; parity.c has the same."""
 HOLD = 20
 """Ticks from one row of closed_loop.csv to the next; parity.c has the same number."""
 
@@ -104,12 +115,14 @@ def vector_files(
     ticks = -(-round(CLOSED_LOOP / dt) // HOLD) * HOLD
     forces = sea(loop, ticks, HOLD)
     log, after = fly(pilot, loop, forces)
+    refuse_idle(log)
     part = window(log, VECTOR_TICKS)
     times, measured = jax.tree.map(lambda x: x[part], (log.time, log.measured))
     limits = [0.1 * float(a.limit) for a in vars(pilot.actuators).values()]
+    late, bad = _as_arrays(broken(np.asarray(times), measured, seed=1))
     sources = {
         "vectors": (times, measured),
-        "faults": _as_arrays(broken(np.asarray(times), measured, seed=1)),
+        "faults": (late, through_the_map(bad, pilot.origin)),
     }
     header = [
         f.name
@@ -122,7 +135,11 @@ def vector_files(
         own, double, single = _alike(pilot)
         runs = [replay(own, *inputs), replay(double, *inputs)]
         runs.append(replay(single, inputs[0], _rounded(inputs[1])))
-        texts[f"test/{name}.csv"] = _csv(header, _columns(_inputs_first(runs[0])))
+        told = _inputs_first(runs[0])
+        rows_of_file = _columns(told)
+        # Time, then north and east: true positions, as a vehicle measures them.
+        rows_of_file[:, 1:3] += pilot.origin.north, pilot.origin.east
+        texts[f"test/{name}.csv"] = _csv(header, rows_of_file)
         rows |= _comparable(name, [_columns(r.command) for r in runs], limits)
     last_of_each = slice(HOLD - 1, None, HOLD)
     runs = [fly(p, loop, forces)[1] for p in _alike(pilot)]
@@ -132,6 +149,25 @@ def vector_files(
     texts["test/closed_loop.csv"] = _csv(names, closed)
     rows |= _comparable("closed_loop", states, [1.0] * 12)
     return texts, rows
+
+
+def refuse_idle(seen: TickLog) -> None:
+    """Refuse an autopilot that takes the command out of its law's hands throughout.
+
+    Raises:
+        ExportError: of a whole flight up to its end, not one tick in a hundred is
+            steered.
+    """
+    words = np.asarray(seen.status)
+    under_way = words[words & BITS["finished"] == 0]
+    idle = under_way & sum(BITS[name] for name in IDLE)
+    if 100 * np.sum(idle == 0) <= len(idle):
+        word = int(np.bincount(idle).argmax()) if len(idle) else BITS["finished"]
+        raise ExportError(
+            f"the controller would not steer: in a flight of {len(words)} ticks with "
+            f"its own glider, hardly one or none goes without "
+            f"{' and '.join(status_names(word))}."
+        )
 
 
 def _alike(pilot: Autopilot) -> list[Autopilot]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from jaxglider.export.autopilot import Source
+from jaxglider.export.autopilot import ORIGINS, Source
 from jaxglider.export.c.fields import Field
 from jaxglider.export.c.source import Structure
 
@@ -69,7 +69,8 @@ def _reader(name: str, structure: Structure, kind: str) -> str:
     lines, at = [], 0
     for field in structure.fields():
         for place in field.places("to->"):
-            lines.append(f"{place} = {casts[field.kind]}row[{at}];")
+            cast = "" if field.origin else casts[field.kind]
+            lines.append(f"{place} = {cast}row[{at}];")
             at += 1
     return _body(f"{name}(const double *row, {kind} *to)", lines)
 
@@ -104,7 +105,12 @@ def _spoiler(structure: Structure) -> str:
 def _plant(state: Sequence[Field]) -> str:
     names = [f.name for f in state[:12]]
     commands = ("buoyancy_mass", "mass_position", "mass_angle")
-    measure = [f"to->{n} = from->{n};" for n in names]
+    measure = [
+        f"to->{n} = (double)from->{n} + {ORIGINS[n]};"
+        if n in ORIGINS
+        else f"to->{n} = from->{n};"
+        for n in names
+    ]
     write = [f"row[{k}] = (double)from->{n};" for k, n in enumerate(names)]
     steer = [f"to->{n} = from->{n};" for n in commands]
     return (

@@ -1,5 +1,6 @@
 """The autopilot as StableHLO, for runtimes of XLA and MLIR."""
 
+import dataclasses
 import json
 from typing import Any
 
@@ -15,7 +16,8 @@ from jaxglider.signals import GliderState, zeros
 def stablehlo(pilot: Autopilot) -> dict[str, str]:
     """Three functions of scalars as text of MLIR, and what their arguments are.
 
-    Gains are constants in it. Arguments and results are in the order of the JSON file.
+    Gains are constants in it, and measured positions are true ones. Arguments and
+    results are in the order of the JSON file.
 
     Args:
         pilot: the autopilot.
@@ -27,11 +29,20 @@ def stablehlo(pilot: Autopilot) -> dict[str, str]:
     time = jnp.zeros_like(pilot.dt)
     measured = zeros(GliderState, pilot.dt)
     planned = jax.eval_shape(pilot.plan, state, time)
+
+    def step(state: Any, time: Any, measured: GliderState, planned: Any) -> Any:
+        local = dataclasses.replace(
+            measured,
+            north=measured.north - pilot.origin.north,
+            east=measured.east - pilot.origin.east,
+        )
+        return pilot.step(state, time, local, planned)
+
     functions: dict[str, tuple[Any, dict[str, Any], tuple[str, ...]]] = {
         "init": (pilot.init, {}, ("state",)),
         "plan": (pilot.plan, {"state": state, "time": time}, ("reference",)),
         "step": (
-            pilot.step,
+            step if pilot.origin.moved else pilot.step,
             {"state": state, "time": time, "measured": measured, "reference": planned},
             ("state", "command", "status"),
         ),

@@ -17,8 +17,10 @@ from jax import lax
 from jaxglider.core.containers import Scalar, Series
 from jaxglider.export.plant import PlantState, drift, truth_of
 from jaxglider.onboard.autopilot import Autopilot, AutopilotState
+from jaxglider.onboard.guard import BITS
 from jaxglider.signals import BodyAxes, Command, GliderState, map_fields, zeros
 from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.origin import Origin
 
 
 class TickLog(eqx.Module):
@@ -63,6 +65,21 @@ def _tick(
     )
 
 
+def through_the_map(state: GliderState, origin: Origin) -> GliderState:
+    """A measurement as it comes back from its true position, as C code rounds it."""
+    if not origin.moved:
+        return state
+    # A barrier: a compiler must not take off at once what it has just put on.
+    true = lax.optimization_barrier(
+        (state.north + origin.north, state.east + origin.east)
+    )
+    return eqx.tree_at(
+        lambda s: (s.north, s.east),
+        state,
+        (true[0] - origin.north, true[1] - origin.east),
+    )
+
+
 @jax.jit
 def replay(pilot: Autopilot, times: Series, measured: GliderState) -> TickLog:
     """Ticks of an autopilot under recorded measurements.
@@ -103,7 +120,8 @@ def fly(
 
     def tick(carry: Any, inputs: Any) -> tuple[Any, Any]:
         (state, afloat), (time, force) = carry, inputs
-        after, log = _tick(pilot, state, time, afloat.state)
+        measured = through_the_map(afloat.state, scenario.origin)
+        after, log = _tick(pilot, state, time, measured)
         following = drift(loop, truth, afloat, log.command, force)
         return (after, following), (log, following.state)
 
@@ -126,11 +144,15 @@ def sea(loop: ClosedLoop, ticks: int, hold: int = 1) -> BodyAxes[Series]:
 def window(log: TickLog, ticks: int) -> slice:
     """Ticks around the first restart of the funnel, or the first ones.
 
+    All before the mission's end, where it lasts that long: after it nothing is steered.
+
     Args:
         log: a run.
         ticks: number of ticks.
     """
-    last = log.time.shape[0] - ticks
+    finished = np.asarray(log.status) & BITS["finished"] > 0
+    under_way = int(np.argmax(finished)) if finished.any() else len(finished)
+    last = min(max(under_way, ticks), len(finished)) - ticks
     restarts = np.flatnonzero(np.diff(np.asarray(log.segment)))
     first = int(restarts[0]) - ticks // 2 if len(restarts) else 0
     first = max(min(first, last), 0)

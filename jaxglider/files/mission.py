@@ -27,6 +27,7 @@ from jaxglider.files.mission_tables import (
     read_clock,
     read_disturbance,
     read_initial_state,
+    read_origin,
     read_reference,
     read_vehicle,
     read_water,
@@ -119,16 +120,21 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     case = paper_case(task.text("type", "schedule") == "waypoints")
     funnel = _funnel(top.get("funnel", None), case)
     law = _law(top.get("controller", {}), model, case, funnel, folder)
-    scenario = Scenario(
+    start = top.table("initial_state")
+    origin = read_origin(start)
+    parts = (
         read_clock(top.table("clock")),
         plant,
         read_actuators(top.table("actuators"), vehicle.limits),
         read_disturbance(top.tables("disturbance")),
-        read_reference(task, law.guidance or paper.guidance()),
-        read_initial_state(top.table("initial_state")),
-        funnel=funnel,
-        water=read_water(top.table("water"), vehicle),
+        read_reference(task, law.guidance or paper.guidance(), origin),
+        read_initial_state(start, origin),
     )
+    water = read_water(top.table("water"), vehicle)
+    try:
+        scenario = Scenario(*parts, funnel=funnel, water=water, origin=origin)
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
     table = top.table("observer")
     observer = decode_observer(table.rest(), law.observer, model)
     top.close()

@@ -30,6 +30,7 @@ from jaxglider.guidance import (
     WaypointPath,
 )
 from jaxglider.signals import COMMAND_UNITS, BodyAxes, Command, GliderState
+from jaxglider.simulation.origin import Origin
 from jaxglider.simulation.scenario import Clock
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.parameters import GliderParameters, VehicleData
@@ -104,12 +105,24 @@ def read_actuators(table: TomlTable, limits: Command[Any]) -> Command[Actuator]:
     return Command(**actuators)
 
 
-def read_initial_state(table: TomlTable) -> GliderState:
+def read_origin(start: TomlTable) -> Origin:
+    """Where positions count from: the glider's start, taken off before they are cast.
+
+    Args:
+        start: the table of the initial state, which is read again later.
+    """
+    north, east = start.number("north_m", 0.0), start.number("east_m", 0.0)
+    return Origin.at_start(north, east)
+
+
+def read_initial_state(table: TomlTable, origin: Origin) -> GliderState:
     """State at the start; angles in degrees in the file."""
     values = {
         name: scale * table.number(f"{name}_{unit}", 0.0)
         for name, (unit, scale) in STATE_UNITS.items()
     }
+    values["north"] -= origin.north
+    values["east"] -= origin.east
     table.close()
     if abs(values["pitch"]) >= math.pi / 2:
         raise ConfigError(
@@ -203,12 +216,15 @@ STRATIFICATION_KEYS = (
 )
 
 
-def read_reference(table: TomlTable, guidance: LineOfSight) -> AbstractReference:
+def read_reference(
+    table: TomlTable, guidance: LineOfSight, origin: Origin
+) -> AbstractReference:
     """The task: a schedule or a waypoint path.
 
     Args:
         table: table of the file.
         guidance: gains of a path that gives none of its own.
+        origin: place that its positions will count from.
     """
     kind = table.text("type", "schedule")
     choice(kind, {"schedule": 0, "waypoints": 0}, table.where("type"))
@@ -222,11 +238,14 @@ def read_reference(table: TomlTable, guidance: LineOfSight) -> AbstractReference
         table.close()
         return AttitudeSchedule(schedule)
     path = table.table("waypoints")
+    where = "reference.waypoints"
+    if origin.moved:
+        where += f" (from the start at {origin.north:.10g}, {origin.east:.10g} on)"
     course = _built(
         WaypointPath,
-        "reference.waypoints",
-        path.numbers("north_m"),
-        path.numbers("east_m"),
+        where,
+        [x - origin.north for x in path.numbers("north_m")],
+        [x - origin.east for x in path.numbers("east_m")],
         _built(
             LineOfSight,
             "reference.waypoints",
@@ -235,8 +254,8 @@ def read_reference(table: TomlTable, guidance: LineOfSight) -> AbstractReference
         ),
         schedule,
         path.number("radius_m", 5.0),
-        path.number("start_north_m", 0.0),
-        path.number("start_east_m", 0.0),
+        path.number("start_north_m", 0.0) - origin.north,
+        path.number("start_east_m", 0.0) - origin.east,
         None if path.get("abeam_m", None) is None else path.number("abeam_m"),
     )
     path.close()

@@ -16,6 +16,7 @@ import numpy as np
 from jaxglider.files.writing import replacing
 from jaxglider.signals import CHANNEL_UNITS, COMMAND_UNITS
 from jaxglider.simulation.metrics import Metrics
+from jaxglider.simulation.origin import MAP_ZERO, Origin
 from jaxglider.simulation.rollout import Trajectory
 from jaxglider.simulation.tick import TickRecord
 
@@ -69,7 +70,10 @@ def _plain(value: Any) -> float | None:
 
 
 def write_trajectories(
-    path: str | Path, runs: dict[str, Trajectory], about: dict[str, Any]
+    path: str | Path,
+    runs: dict[str, Trajectory],
+    about: dict[str, Any],
+    origin: Origin = MAP_ZERO,
 ) -> None:
     """Write trajectories as NetCDF-4 with CF attributes, dimensions run and time.
 
@@ -80,10 +84,13 @@ def write_trajectories(
         path: path of the file.
         runs: trajectories by label; all with the same tick.
         about: provenance, kept as a JSON attribute.
+        origin: place that the positions of the runs count from; those in the file are
+            true ones.
 
     Raises:
         OSError: the file cannot be written.
     """
+    runs = {label: origin.on_the_map(run) for label, run in runs.items()}
     length = max(run.ticks.time.shape[0] for run in runs.values())
     longest = max(runs.values(), key=lambda run: run.ticks.time.shape[0])
     with (

@@ -24,7 +24,7 @@ from jaxglider.files.uncertainty_tables import (
 )
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.uncertainty.members import Group, Quantity, Uncertainty
-from jaxglider.uncertainty.quantities import relative, waves
+from jaxglider.uncertainty.quantities import relative, start, waves
 from jaxglider.vehicle.parameters import UNCERTAIN
 from jaxglider.vehicle.sensors import Sensor
 
@@ -182,11 +182,7 @@ def _initial_state(table: TomlTable, scenario: Scenario) -> Additions:
         reach = max(abs(nominal + end) for end in offset.support())
         if name == "pitch" and reach >= math.pi / 2:
             raise ConfigError(f"{table.where(key)}: the pitch must stay within 90 deg.")
-        path = f"initial_state.{name}"
-        kind = SI[unit]
-        quantities.append(
-            Quantity(f"initial_{name}", path, kind, offset, offset=nominal)
-        )
+        quantities.append(start(scenario, name, SI[unit], offset))
     return scenario, quantities
 
 

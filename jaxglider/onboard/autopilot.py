@@ -27,13 +27,15 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxglider.control.controller import AbstractController
 from jaxglider.control.observer import AbstractObserver
-from jaxglider.core.containers import Counter, Flag, Scalar
+from jaxglider.core.containers import Counter, Flag, Scalar, concrete
 from jaxglider.core.numerics import saturate
 from jaxglider.core.rotations import Attitude
 from jaxglider.guidance.reference import AbstractReference
+from jaxglider.guidance.waypoints import WaypointPath
 from jaxglider.onboard.guard import (
     BITS,
     MANY,
@@ -56,6 +58,7 @@ from jaxglider.signals import (
     zeros,
 )
 from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.origin import MAP_ZERO, Origin
 from jaxglider.vehicle.actuators import Actuator, follow_all
 
 
@@ -97,6 +100,8 @@ class Autopilot(eqx.Module):
         actuators: limits of the actuators, and a model of where they are.
         dt: control tick [s].
         guard: limits of believable inputs.
+        origin: place that measured positions count from here; who exports it takes
+            it off true ones.
     """
 
     controller: AbstractController
@@ -105,6 +110,7 @@ class Autopilot(eqx.Module):
     actuators: Command[Actuator]
     dt: Scalar
     guard: Guard
+    origin: Origin = eqx.field(static=True, default=MAP_ZERO)
 
     def init(self) -> AutopilotState:
         """Everything before the first tick."""
@@ -272,13 +278,39 @@ def autopilot(loop: ClosedLoop, guard: Guard | None = None) -> Autopilot:
     Args:
         loop: the closed loop; vehicle, sea and sensors are left behind.
         guard: limits of believable inputs; the default ones if None.
+
+    Raises:
+        ValueError: where the loop starts or is to go is not believed by the guard.
     """
-    scenario = loop.scenario
+    scenario, guard = loop.scenario, Guard() if guard is None else guard
+    _refuse_disbelieved(loop, guard)
     return Autopilot(
         controller=loop.controller,
         observer=loop.observer,
         reference=scenario.reference,
         actuators=scenario.actuators,
         dt=scenario.clock.dt,
-        guard=Guard() if guard is None else guard,
+        guard=guard,
+        origin=scenario.origin,
     )
+
+
+def _refuse_disbelieved(loop: ClosedLoop, guard: Guard) -> None:
+    """Refuse a loop whose own measurements the autopilot would take for broken."""
+    scenario, ranges = loop.scenario, guard.ranges()
+    places = {
+        f"initial_state.{name}": (value, getattr(ranges, name))
+        for name, value in vars(scenario.initial_state).items()
+    }
+    if isinstance(scenario.reference, WaypointPath):
+        for name in ("north", "east"):
+            value = getattr(scenario.reference, name)
+            places[f"waypoints.{name}"] = value, guard.position
+    for name, (value, limit) in places.items():
+        seen = concrete(value)
+        if seen is not None and not np.all(np.abs(seen) <= float(limit)):
+            raise ValueError(
+                f"{name} must be within {float(limit):g}, as far as the autopilot "
+                "believes a measurement (positions from the start, if that is far from "
+                f"zero); received {float(np.max(np.abs(seen))):g}. It would not steer."
+            )

@@ -50,7 +50,7 @@ class Guard(Container):
     """Limits of believable readings of sensors and clock.
 
     Attributes:
-        position: largest modulus of north, east and depth [m].
+        position: largest modulus of north and east from the origin, and of depth [m].
         angle: largest roll, pitch and heading [rad].
         speed: largest surge, sway and heave [m/s].
         turn_rate: largest body rates [rad/s].

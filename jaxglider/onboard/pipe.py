@@ -46,6 +46,7 @@ from jaxglider.signals import (
     Reference,
     zeros,
 )
+from jaxglider.simulation.origin import MAP_ZERO, Origin
 
 HELLO = "jaxglider-sil 1"
 TIMEOUT = 5.0
@@ -205,11 +206,14 @@ class PipeController(AbstractController):
         funnel: funnel that errors are judged by, or None.
         peer: the program.
         model: None; the program keeps its beliefs to itself.
+        origin: place that the simulator's positions count from; the program is told
+            true ones.
     """
 
     funnel: Funnel | None
     peer: ChildProcess = eqx.field(static=True)
     model: None = None
+    origin: Origin = eqx.field(static=True, default=MAP_ZERO)
 
     def init(self) -> Scalar:
         """Ticks so far."""
@@ -228,10 +232,17 @@ class PipeController(AbstractController):
         s: GliderState = measurement.state
         shape = jax.ShapeDtypeStruct((3,), s.depth.dtype)
         row = (state * dt, *jax.tree.leaves(s))
-        answer = io_callback(_typed(self.peer, shape.dtype), shape, *row, ordered=True)
+        ask = _asking(self.peer, self.origin, shape.dtype)
+        answer = io_callback(ask, shape, *row, ordered=True)
         wanted = Command(answer[0], answer[1], answer[2])
         return wanted, state + 1.0, ControlRecord(error, zeros(Channels, s.depth))
 
 
-def _typed(peer: ChildProcess, dtype: Any) -> Any:
-    return lambda *row: peer.command(*row).astype(dtype)
+def _asking(peer: ChildProcess, origin: Origin, dtype: Any) -> Any:
+    """The program's answer to time and states; positions are summed in double."""
+
+    def ask(time: Any, north: Any, east: Any, *rest: Any) -> np.ndarray:
+        place = float(north) + origin.north, float(east) + origin.east
+        return peer.command(time, *place, *rest).astype(dtype)
+
+    return ask

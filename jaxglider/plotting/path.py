@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -13,6 +14,7 @@ from jaxglider.guidance import WaypointPath
 from jaxglider.plotting.lines import run_handles
 from jaxglider.plotting.series import active_ticks, drawable, keep_extremes
 from jaxglider.plotting.style import FAINT, INK, Style, legend_above, styles
+from jaxglider.simulation.origin import Origin
 from jaxglider.simulation.rollout import Trajectory
 from jaxglider.simulation.tick import TickRecord
 
@@ -79,6 +81,24 @@ def path_3d(
     _scale(axes)
     legend_above(axes, _handles(look, None))
     return axes
+
+
+def on_the_map(path: WaypointPath, origin: Origin) -> WaypointPath:
+    """A path at its true position, in double precision: to be drawn, not flown."""
+    if not origin.moved:
+        return path
+    north, east = (np.asarray(x, np.float64) for x in (path.north, path.east))
+    start = float(path.start_north), float(path.start_east)
+    return eqx.tree_at(
+        lambda p: (p.north, p.east, p.start_north, p.start_east),
+        path,
+        (
+            north + origin.north,
+            east + origin.east,
+            np.float64(start[0] + origin.north),
+            np.float64(start[1] + origin.east),
+        ),
+    )
 
 
 def _plan_of(axes: Axes, path: WaypointPath) -> None:

@@ -19,7 +19,7 @@ from jaxglider.control.performance import (
 from jaxglider.guidance import WaypointPath
 from jaxglider.plotting.commands import commands
 from jaxglider.plotting.comparison import errors, tracking
-from jaxglider.plotting.path import path_3d, path_plan
+from jaxglider.plotting.path import on_the_map, path_3d, path_plan
 from jaxglider.plotting.performance import performance_functions, settling_time
 from jaxglider.plotting.series import active_ticks
 from jaxglider.plotting.style import COLUMN, PAGE, look, new_figure, styles
@@ -50,6 +50,7 @@ def figures(
         runs: label to trajectory.
         functions: performance functions to compare; the published forms by default.
     """
+    runs = {label: scenario.origin.on_the_map(run) for label, run in runs.items()}
     for name, build in _builders(scenario, runs, functions).items():
         with look():
             figure = build()
@@ -109,7 +110,9 @@ def _builders(
 ) -> dict[str, Callable[[], Figure]]:
     """Makers of the figures by their names."""
     reference = scenario.reference
-    path = reference if isinstance(reference, WaypointPath) else None
+    path = None
+    if isinstance(reference, WaypointPath):
+        path = on_the_map(reference, scenario.origin)
     horizon = scenario.clock.ticks * float(scenario.clock.dt)
     shapes = published_functions() if functions is None else functions
     builders: dict[str, Callable[[], Figure]] = {

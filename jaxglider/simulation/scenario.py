@@ -19,6 +19,8 @@ from jaxglider.environment.disturbances import AbstractDisturbance
 from jaxglider.environment.water import Water
 from jaxglider.guidance.reference import AbstractReference
 from jaxglider.signals import BodyAxes, Command, GliderState
+from jaxglider.simulation.origin import MAP_ZERO, Origin
+from jaxglider.simulation.resolution import check_resolution
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.plant import AbstractPlant
 from jaxglider.vehicle.sensors import Sensor, check_sensors, realise_errors
@@ -91,9 +93,11 @@ class Scenario(Container):
         funnel: funnel that errors are judged by, whoever steers; None for the
             controller's own. Give one to compare controllers: each could widen its own.
         water: currents and density, or None for water at rest, the same at every depth.
+        origin: place that positions count from; static, since no program uses it.
 
     Raises:
-        ValueError: a sensor is named after no state.
+        ValueError: a sensor is named after no state, or single precision is too coarse
+            for its positions or times.
     """
 
     clock: Clock
@@ -105,9 +109,11 @@ class Scenario(Container):
     sensors: Mapping[str, Sensor] | None = None
     funnel: Funnel | None = None
     water: Water | None = None
+    origin: Origin = eqx.field(static=True, default=MAP_ZERO)
 
     def __check_init__(self) -> None:
         check_sensors(self.sensors)
+        check_resolution(self)
 
     @jax.named_scope("disturbance")
     def sea(self, key: jax.Array) -> BodyAxes[Series]:

@@ -51,6 +51,7 @@ class Quantity:
         distribution: distribution of x.
         scale: the nominal value where x is a factor on it, else 1.
         offset: the nominal value where x is added to it, else 0.
+        origin: what the scenario's own number counts from; see `simulation.origin`.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Quantity:
     distribution: AbstractDistribution
     scale: float = 1.0
     offset: float = 0.0
+    origin: float = 0.0
 
     def values(self, u: np.ndarray) -> np.ndarray:
         """The values at coordinates u."""
@@ -150,7 +152,7 @@ class Uncertainty:
         """
         kind = self.scenario.clock.dt.dtype
         columns = {
-            q.path: jnp.asarray(values[:, j], kind)
+            q.path: jnp.asarray(values[:, j] - q.origin, kind)
             for j, q in enumerate(self.quantities)
         }
         return Member(columns, jr.key_data(keys))

@@ -93,6 +93,25 @@ def waves(
     return quantities
 
 
+def start(
+    scenario: Scenario, name: str, unit: str, offset: AbstractDistribution
+) -> Quantity:
+    """What is added to one number of the initial state, positions on the map.
+
+    Args:
+        scenario: the nominal one.
+        name: of the state.
+        unit: of the state.
+        offset: distribution of what is added.
+    """
+    origin = float(getattr(scenario.origin, name, 0.0))
+    nominal = origin + float(getattr(scenario.initial_state, name))
+    path = f"initial_state.{name}"
+    return Quantity(
+        f"initial_{name}", path, unit, offset, offset=nominal, origin=origin
+    )
+
+
 def _sinusoids(
     disturbance: AbstractDisturbance, path: str
 ) -> Iterator[tuple[str, Sinusoid]]:
@@ -147,15 +166,5 @@ def uniform_uncertainty(
     if position > 0.0:
         reach = Uniform(-position, position)
         for name in ("north", "east"):
-            start = float(getattr(scenario.initial_state, name))
-            path = f"initial_state.{name}"
-            quantities.append(
-                Quantity(
-                    name=f"initial_{name}",
-                    path=path,
-                    unit="m",
-                    distribution=reach,
-                    offset=start,
-                )
-            )
+            quantities.append(start(scenario, name, "m", reach))
     return Uncertainty(scenario, tuple(quantities))

@@ -129,7 +129,8 @@ def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
         f"{d.entry.scenario}/{d.entry.plant}/{d.entry.controller}": d.trajectory
         for d in done
     }
-    write_trajectories(out / "trajectories.nc", runs, result["provenance"])
+    origin = done[0].entry.loop.scenario.origin
+    write_trajectories(out / "trajectories.nc", runs, result["provenance"], origin)
     figures = 0
     for scenario in dict.fromkeys(d.entry.scenario for d in done):
         progress.show(f"drawing {scenario} ...")

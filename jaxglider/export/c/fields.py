@@ -73,12 +73,15 @@ class Field:
         kind: kind of its scalars.
         shape: shape of the leaf.
         comment: meaning and unit of the field.
+        origin: C expression of what it counts from in the trace, or an empty text; the
+            field is then in double precision whatever the rest is in.
     """
 
     name: str
     kind: str
     shape: tuple[int, ...]
     comment: str
+    origin: str = ""
 
     @property
     def size(self) -> int:
@@ -95,7 +98,8 @@ class Field:
         """The line of the structure."""
         count = f"[{self.size}]" if self.shape else ""
         comment = f" /* {self.comment} */" if self.comment else ""
-        return f"{C_TYPES[self.kind]} {self.name}{count};{comment}"
+        kind = "double" if self.origin else C_TYPES[self.kind]
+        return f"{kind} {self.name}{count};{comment}"
 
     def numbers(self, owner: str, *, varies: bool) -> Array:
         """Its scalars, as they stand in C."""

@@ -2,7 +2,7 @@
 
 import dataclasses
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -25,16 +25,21 @@ class Structure:
         summary: sentence that describes it.
         example: the pytree.
         hidden: parts of it whose names are left out.
+        origins: what some fields count from in the trace, as C, by their names.
     """
 
     name: str
     summary: str
     example: Any
     hidden: tuple[str, ...] = ()
+    origins: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def fields(self) -> list[Field]:
         """Its fields."""
-        return fields_of(self.example, self.hidden)
+        return [
+            dataclasses.replace(field, origin=self.origins.get(field.name, ""))
+            for field in fields_of(self.example, self.hidden)
+        ]
 
     def declaration(self) -> str:
         """The typedef."""
@@ -49,7 +54,7 @@ class Structure:
         sizes = {"real": real, "bool": 1, "int32": 4, "uint32": 4}
         at, widest = 0, 1
         for field in self.fields():
-            width = sizes.get(field.kind, 8)
+            width = 8 if field.origin else sizes.get(field.kind, 8)
             at = -(-at // width) * width + width * field.size
             widest = max(widest, width)
         return -(-at // widest) * widest
@@ -155,7 +160,10 @@ def _loaded(block: Block, owner: str, field: Field) -> Any:
     numbers = field.numbers(f"{owner}->", varies=True)
     for n, number in enumerate(numbers.ravel()):
         name = f"{owner}_{field.name}" + (f"_{n}" if field.shape else "")
-        loaded = block.load(field.kind, name, number.text)
+        text = number.text
+        if field.origin:
+            text = f"({C_TYPES[field.kind]})({text} - {field.origin})"
+        loaded = block.load(field.kind, name, text)
         numbers.flat[n] = loaded
     return numbers
 

@@ -58,8 +58,8 @@ int main(void)
             return refuse("expected 13 numbers in a line");
         }
         m.time = (glider_real)row[0];
-        m.north = (glider_real)row[1];
-        m.east = (glider_real)row[2];
+        m.north = row[1];
+        m.east = row[2];
         m.depth = (glider_real)row[3];
         m.roll = (glider_real)row[4];
         m.pitch = (glider_real)row[5];

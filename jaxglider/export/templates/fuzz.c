@@ -73,6 +73,8 @@ int main(const int count, char **arguments)
             sound[k] = 0.99 * sound[k] + 0.05 * (uniform() - 0.5);
             given[k] = broken ? (double)wild(sound[k]) : sound[k];
         }
+        given[1] += GLIDER_ORIGIN_NORTH;
+        given[2] += GLIDER_ORIGIN_EAST;
         given[0] = broken ? (double)clock_reading(n, before) : (double)n * GLIDER_DT;
         read_measurement(given, &measurement);
         before = measurement.time;

@@ -62,12 +62,31 @@ static FILE *opened(const char *name)
     return file;
 }
 
+/* Ticks before the mission's end, and those of them whose command is the law's own
+   answer to a measurement that was believed. */
+static long under_way, steered;
+
+static void count_steered(const glider_command *command)
+{
+    const long idle = GLIDER_MEASUREMENT_HELD | GLIDER_MEASUREMENT_LOST
+                      | GLIDER_REFERENCE_HELD | GLIDER_COMMAND_HELD;
+    if (!(command->status & GLIDER_FINISHED)) {
+        under_way++;
+        steered += !(command->status & idle);
+    }
+}
+
 static int verdict(
     const char *name, const long ticks, const double worst, const double allowed)
 {
-    const int fine = worst <= allowed;
+    const int idle = 100 * steered <= under_way;
+    const int fine = worst <= allowed && !idle;
     printf("%-6s  %-21s %6ld ticks, worst difference %.2e, allowed %.0e: %s\n", PRECISION,
            name, ticks, worst, allowed, fine ? "pass" : "FAIL");
+    if (idle) {
+        printf("%s: the controller steers on %ld ticks; see their status\n", name, steered);
+    }
+    under_way = steered = 0;
     return fine ? 0 : 1;
 }
 
@@ -100,6 +119,7 @@ static int ticks(const char *name, const int rows, const int strict_status)
             worst = off > worst ? off : worst;
         }
         words += is[COMMAND_COLUMNS - 1] != wanted[COMMAND_COLUMNS - 1];
+        count_steered(&command);
         count++;
     }
     fclose(file);
@@ -132,6 +152,7 @@ static int closed_loop(const char *name, const int rows)
             glider_plan(&state, &measurement, &reference);
             glider_step(&state, &measurement, &reference, &command);
             steer(&command, &wanted);
+            count_steered(&command);
             plant_step(&afloat, &wanted, &force);
             count++;
         }

@@ -69,9 +69,10 @@ def _rerun(
     _compare(result)
     progress.show(f"writing to {out} ...")
     write_json(out / "member.json", result)
-    write_trajectories(out / "trajectories.nc", runs, result["provenance"])
-    scenario = with_member(campaign.loops[0], _one(draw(campaign, member, 1)[1]))[0]
-    figures = save_all(out / "figures", scenario.scenario, runs)
+    loop = with_member(campaign.loops[0], _one(draw(campaign, member, 1)[1]))[0]
+    about, origin = result["provenance"], loop.scenario.origin
+    write_trajectories(out / "trajectories.nc", runs, about, origin)
+    figures = save_all(out / "figures", loop.scenario, runs)
     progress.clear()
     text = f"member {member}\n" + text_table(result["runs"])
     print_result(result, text, as_json=options.json)

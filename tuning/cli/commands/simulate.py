@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+import numpy as np
+
 from jaxglider.control.observer import NoObserver
 from jaxglider.files.mission import Mission, load_mission
 from jaxglider.onboard.guard import status_names
@@ -39,10 +41,11 @@ def _simulate_outside(options: argparse.Namespace, mission: Mission, seed: int) 
     loop = mission.loop
     for warning in start_warnings(loop):
         note(f"warning: {warning}")
-    dt = float(loop.scenario.clock.dt)
+    # 0.05 in single precision is 0.05, not 0.05000000074505806, to a program.
+    dt = float(str(np.asarray(loop.scenario.clock.dt)))
     peer = ChildProcess([options.controller_binary], dt, options.controller_timeout)
     try:
-        outside = PipeController(loop.controller.funnel, peer)
+        outside = PipeController(loop.controller.funnel, peer, loop.scenario.origin)
         loop = ClosedLoop(loop.scenario, outside, NoObserver())
         name = Path(options.controller_binary).name
         entry = PlannedRun(mission.name, mission.plant, name, loop, published=False)
