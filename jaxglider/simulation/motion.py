@@ -6,6 +6,7 @@ from jax import lax
 
 from jaxglider.core.containers import Scalar
 from jaxglider.core.runge_kutta import RK4, runge_kutta_step
+from jaxglider.environment.surface import surface_force
 from jaxglider.environment.water import derivative_in_water
 from jaxglider.signals import (
     BodyAxes,
@@ -39,6 +40,7 @@ def integrate(
         def derivative(at: GliderState, node: Scalar) -> GliderState:
             share = (number + node) / substeps
             force = map_fields(lambda f, k: f + share * k, start, slope)
+            force = force + surface_force(scenario.plant, at)
             if scenario.water is None:
                 return scenario.plant.derivative(at, applied, force)
             return derivative_in_water(

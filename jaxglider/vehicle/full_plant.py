@@ -66,6 +66,10 @@ class FullPlant(AbstractPlant):
             self.parameters, self.body.induced_drag, velocity
         )
 
+    def displaced_mass(self) -> Scalar:
+        """m [kg], of all masses, the ballast neutral."""
+        return self.body.displaced_mass(self.parameters)
+
     def model(self) -> DesignModel:
         """The diagonal of M at rest, small angles, and the weight of hull and mass."""
         p, body = self.parameters, self.body

@@ -51,6 +51,10 @@ class AbstractPlant(eqx.Module):
     def water(self, velocity: BodyAxes[Scalar]) -> BodyAxes[Scalar]:
         """Lift, drag, side force [N] and their moments [N m], body frame."""
 
+    def displaced_mass(self) -> Scalar:
+        """m [kg], of the water displaced: m₁ where no more is known."""
+        return self.parameters.surge_mass
+
     @abstractmethod
     def model(self) -> DesignModel:
         """Design model of a designer who knows this glider exactly."""
