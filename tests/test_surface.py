@@ -144,11 +144,16 @@ def test_what_is_wanted_above_the_surface_is_said():
 
 
 def test_validate_says_so(call, tmp_path):
-    (tmp_path / "up.toml").write_text(
-        'clock = {duration_s = 20.0}\n[controller]\ntype = "smc"\n[reference.schedule]\n'
-        "start_s = [0.0]\ngliding_angle_deg = [35.0]\nheading_deg = [0.0]\n"
-        "depth_rate_m_s = -0.1\n"
+    lines = (
+        "clock = {duration_s = 20.0}",
+        '[controller]\ntype = "smc"',
+        "[reference.schedule]",
+        "start_s = [0.0]",
+        "gliding_angle_deg = [35.0]",
+        "heading_deg = [0.0]",
+        "depth_rate_m_s = -0.1",
     )
+    (tmp_path / "up.toml").write_text("\n".join(lines))
     code, _, said = call("validate", "up.toml")
     assert code == 0
     assert "warning: the wanted depth is above the surface, up to 2 m at 20 s" in said
