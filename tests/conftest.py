@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
-# Programs here run once or twice: what the compiler does to make them fast, a quarter of
-# its time, does not pay. A flag given from outside wins.
+# Programs here run once or twice: what the compiler does to make them fast, a quarter
+# of its time, does not pay. A flag given from outside wins.
 os.environ["XLA_FLAGS"] = " ".join(
     [
         "--xla_force_host_platform_device_count=2 --xla_backend_optimization_level=0",

@@ -36,7 +36,7 @@ VECTOR_TICKS = 1000
 CLOSED_LOOP = 800.0
 """Duration of the run in closed loop [s]."""
 IDLE = ("measurement_held", "measurement_lost", "reference_held", "command_held")
-"""What is said of a tick whose command is not the law's own; parity.c has the same."""
+"""Statuses of a tick whose command is not the law's own; parity.c has the same."""
 HOLD = 20
 """Ticks from one row of closed_loop.csv to the next; parity.c has the same number."""
 

@@ -106,7 +106,7 @@ def read_actuators(table: TomlTable, limits: Command[Any]) -> Command[Actuator]:
 
 
 def read_origin(start: TomlTable) -> Origin:
-    """Where positions count from: the glider's start, taken off before they are cast.
+    """The place that positions count from: the start, taken off before they are cast.
 
     Args:
         start: the table of the initial state, which is read again later.

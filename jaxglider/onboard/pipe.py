@@ -212,8 +212,8 @@ class PipeController(AbstractController):
 
     funnel: Funnel | None
     peer: ChildProcess = eqx.field(static=True)
-    model: None = None
     origin: Origin = eqx.field(static=True, default=MAP_ZERO)
+    model: None = None
 
     def init(self) -> Scalar:
         """Ticks so far."""

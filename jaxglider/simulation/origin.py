@@ -1,4 +1,4 @@
-"""Where the positions of a run count from.
+"""The place that the positions of a run count from.
 
 A program in single precision cannot move a glider at 5,432,100 m north: the next number
 is half a metre away. So traced positions are small, counted from a place that the host
@@ -23,8 +23,8 @@ class Origin:
     """The place that is north zero, east zero within a run.
 
     Attributes:
-        north: its true position [m].
-        east: its true position [m].
+        north: true position of it [m].
+        east: true position of it [m].
     """
 
     north: float = 0.0

@@ -1,4 +1,4 @@
-"""What single precision cannot tell apart, refused before it is flown.
+"""Resolution of single precision: what it cannot tell apart is not flown.
 
 A number of 24 bits has spacing |x| 2⁻²³ at most. Positions grow by centimetres a tick,
 times by the tick, running sums by a share of themselves that shrinks with the ticks,

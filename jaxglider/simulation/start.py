@@ -19,7 +19,7 @@ from jaxglider.simulation.scenario import Scenario
 
 
 def start_warnings(loop: ClosedLoop) -> list[str]:
-    """Warnings: a course that is over, errors outside the funnel, depths above the sea."""
+    """Warnings: a course already over, errors beyond the funnel, depths in the air."""
     error, limits, finished = jax.jit(_start)(loop)
     if bool(finished):
         return [

@@ -51,7 +51,7 @@ class Quantity:
         distribution: distribution of x.
         scale: the nominal value where x is a factor on it, else 1.
         offset: the nominal value where x is added to it, else 0.
-        origin: what the scenario's own number counts from; see `simulation.origin`.
+        origin: number that the scenario's own counts from; see `simulation.origin`.
     """
 
     name: str

@@ -96,12 +96,12 @@ def waves(
 def start(
     scenario: Scenario, name: str, unit: str, offset: AbstractDistribution
 ) -> Quantity:
-    """What is added to one number of the initial state, positions on the map.
+    """A quantity added to one number of the initial state, positions on the map.
 
     Args:
         scenario: the nominal one.
-        name: of the state.
-        unit: of the state.
+        name: name of the number in the state.
+        unit: unit of the number.
         offset: distribution of what is added.
     """
     origin = float(getattr(scenario.origin, name, 0.0))

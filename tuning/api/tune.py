@@ -19,6 +19,7 @@ from jaxglider.plotting.style import look
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory, simulate
 from jaxglider.uncertainty.members import Uncertainty
+from tuning.evaluation.final_gradient import GradientProbe
 from tuning.evaluation.held_out import Judge, Verdict, compare_held_out
 from tuning.evaluation.report import (
     draw_gains,
@@ -27,6 +28,7 @@ from tuning.evaluation.report import (
     text_report,
     write_tuning_report,
 )
+from tuning.gradient_check.statement import GradientStatement
 from tuning.problem.aggregates import MEAN, AbstractAggregate
 from tuning.problem.fingerprint import fingerprint
 from tuning.problem.lanes import member_count
@@ -54,6 +56,8 @@ class TuneResult:
         history: steps of the search, the start first.
         method: name of the search, `gradient`, `cma` or `random`.
         notes: remarks on the start, the gradient and the sets.
+        gradient: worth of the exact gradient at the tuned gains, on the nominal case as
+            it is flown; None where it was not asked for.
         interrupted: whether the search was stopped before its end; the gains are the
             best until then.
         seconds: time that it took [s].
@@ -65,6 +69,7 @@ class TuneResult:
     history: list[Step]
     method: str
     notes: tuple[str, ...]
+    gradient: GradientStatement | None
     interrupted: bool
     seconds: float
 
@@ -96,6 +101,7 @@ class TuneResult:
                 for name, (before, after) in self.gains.items()
             },
             **self.verdict.to_dict(),
+            "gradient": None if self.gradient is None else self.gradient.to_dict(),
             "notes": list(self.notes),
             "seconds": round(self.seconds, 1),
         }
@@ -178,6 +184,7 @@ class TuneResult:
                 "scenario": result["scenario"],
                 "plant": result["plant"],
                 **{key: value for key, value in more.items() if value is not None},
+                **({"gradient": self.gradient.text()} if self.gradient else {}),
                 "versions": about["versions"],
             },
         }
@@ -240,7 +247,7 @@ def tune(
         title: name of what is flown, for reports.
         out: folder for a checkpoint after every step and for all results.
         resume: whether to go on from the checkpoint in `out`.
-        check: whether to check the gradient against differences first.
+        check: whether to check the gradient against differences, first and at the end.
         progress: whether to show a progress bar.
 
     Raises:
@@ -293,7 +300,7 @@ def solve(
         method: search without gradients instead, on the budget of the descent.
         out: folder for a checkpoint after every step, or None.
         resume: whether to go on from the checkpoint in `out`.
-        check: whether to check the gradient against differences first.
+        check: whether to check the gradient against differences, first and at the end.
         progress: line that shows how far it is; none by default.
 
     Raises:
@@ -315,7 +322,11 @@ def solve(
     progress.clear()
     for text in problem.space.notes:
         note(text)
-    judge, judging = Judge(problem), []
+    judge, probe, judging = Judge(problem), GradientProbe(problem), []
+
+    def look() -> tuple[Any, Any]:
+        return judge(problem.loop), probe(problem.loop) if check else None
+
     try:
         if method is None:
             outcome = descend(
@@ -326,7 +337,7 @@ def solve(
                 resume=resume,
                 check=check,
                 # While it descends on one core, the other compiles what judges.
-                meanwhile=lambda: judging.append(beside(judge, problem.loop)),
+                meanwhile=lambda: judging.append(beside(look)),
             )
         else:
             outcome = search_black_box(problem, method, settings, progress)
@@ -335,16 +346,22 @@ def solve(
     # By way of the host, off all devices but one: else judging would compile twice.
     tuned = problem.space.write(problem.loop, jnp.asarray(jax.device_get(outcome.free)))
     progress.show("judging on held-out members ...")
-    before = judging[0].result() if judging else judge(problem.loop)
+    before, _ = judging[0].result() if judging else look()
     verdict = compare_held_out(problem, before, judge(tuned))
+    gradient = probe(tuned) if check else None
     progress.clear()
+    remarks = list(outcome.remarks)
+    if gradient is not None:
+        remarks.append(gradient.text())
+        note(gradient.text())
     return TuneResult(
         problem=problem,
         loop=tuned,
         verdict=verdict,
         history=outcome.history,
         method="gradient" if method is None else method.method,
-        notes=(*problem.space.notes, *outcome.remarks),
+        notes=(*problem.space.notes, *remarks),
+        gradient=gradient,
         interrupted=outcome.interrupted,
         seconds=time.monotonic() - begun,
     )

@@ -22,7 +22,7 @@ RANDOM = 2
 
 @dataclasses.dataclass(frozen=True)
 class GradientStatement:
-    """What the gradient at some gains is worth.
+    """The worth of the gradient at some gains.
 
     Attributes:
         seconds: length of the run [s].
@@ -56,7 +56,7 @@ class GradientStatement:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """The statement as plain values, for JSON and TOML: what is None is left out."""
+        """The statement as plain values, for JSON and TOML; None is left out."""
         values = {
             "finite": self.finite,
             "of_use": self.of_use,

@@ -88,11 +88,16 @@ class TuningProblem:
         """The objective of free numbers on one member; pure."""
         return self.objective(self.metrics(free, member))
 
+    def exact_loss(self, free: Any, member: Member) -> Any:
+        """The same, in little memory however long the run is; pure."""
+        every = self._checkpoint_every(1)
+        return self.objective(self.metrics(free, member, checkpoint_every=every))
+
     def surrogate_loss(self, free: Any, member: Member) -> Any:
         """The same, with a derivative that forgets what was long ago; pure."""
         options = {
             "gradient_memory": self.spec.gradient_memory,
-            "checkpoint_every": self._checkpoint_every(),
+            "checkpoint_every": self._checkpoint_every(member_count(self.training)),
         }
         return self.objective(self.metrics(free, member, **options))
 
@@ -101,10 +106,10 @@ class TuningProblem:
         run = with_member(self.space.write(self.loop, free), member)
         return evaluate(*run, **options)
 
-    def _checkpoint_every(self) -> int:
+    def _checkpoint_every(self, members: int) -> int:
         """1 as long as a gradient's states fit in memory; that is a sixth faster."""
         clock = self.loop.scenario.clock
-        states = STATE_SIZE * clock.dt.dtype.itemsize * member_count(self.training)
+        states = STATE_SIZE * clock.dt.dtype.itemsize * members
         if clock.ticks * states <= STATES_LIMIT:
             return 1
         return sparse_checkpoints(clock.ticks)

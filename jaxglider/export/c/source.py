@@ -25,7 +25,7 @@ class Structure:
         summary: sentence that describes it.
         example: the pytree.
         hidden: parts of it whose names are left out.
-        origins: what some fields count from in the trace, as C, by their names.
+        origins: numbers that some fields count from in the trace, as C, by their names.
     """
 
     name: str
