@@ -25,9 +25,12 @@ from jaxglider.files.mission import (
     load_mission,
     self_contained,
 )
+from jaxglider.files.uncertainty import load_uncertainty
 from jaxglider.guidance import LineOfSight, WaypointPath
 from jaxglider.simulation.start import start_warnings
 from jaxglider.vehicle.published import vehicle_text
+from tuning.problem.gain_sets import resolve
+from tuning.problem.objective_file import read_objective
 
 PLAIN = tomllib.loads(TEMPLATE())
 KEY = jax.random.key(0)
@@ -576,3 +579,33 @@ def test_a_start_outside_the_funnel_is_warned_of_by_channel_and_edges():
             assert warning.startswith(f"the depth error starts at {depth:.4g}, outside")
             assert f"({-edge:.4g}, {edge:.4g})" in warning
             assert "the run goes on" in warning
+
+
+def test_a_missing_key_is_told_beside_those_that_are_there(tmp_path):
+    file = tmp_path / "m.toml"
+    file.write_text('[[disturbance]]\ntype = "sinusoid"\nperiods_s = [10.0]\n')
+    with pytest.raises(ConfigError, match=r"period_s is missing\. Other keys there: p"):
+        load_mission(file)
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path, ending):
+    """Every kind of file that a user writes, as some editors save it."""
+    kinds = {
+        "m": 'name = "a"\nvehicle = {data = "v.toml"}\n'
+        'controller = {gains_file = "g.toml"}\n',
+        "g": '[controller]\ntype = "smc"\n',
+        "u": '[[vehicle]]\nlaw = "uniform"\nhalf_width = 0.1\n',
+        "o": "[weights]\nroll = 1.0\n",
+        "v": vehicle_text("seawing"),
+    }
+    for name, text in kinds.items():
+        data = b"\xef\xbb\xbf" + text.replace("\n", ending).encode()
+        (tmp_path / f"{name}.toml").write_bytes(data)
+    mission = load_mission(tmp_path / "m.toml")
+    assert (mission.name, mission.controller) == ("a", "smc")
+    uncertain = load_uncertainty(tmp_path / "u.toml", mission.loop.scenario)
+    assert uncertain.names()
+    assert read_objective(tmp_path / "o.toml")[0].roll == 1.0
+    (one,) = resolve([str(tmp_path / "g.toml")], [], "switching", "printed")
+    assert one.label == "smc (g)"

@@ -5,11 +5,14 @@ Each message names the key by its full path, the rule, and what was received.
 
 import difflib
 import math
+import re
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 _REQUIRED = object()
+_GEOGRAPHIC = re.compile(r"(start_)?(lat|lon|lng)", re.IGNORECASE)
 
 
 class ConfigError(ValueError):
@@ -38,7 +41,7 @@ def number(value: Any, where: str) -> float:
 
 
 def whole_number(value: Any, where: str) -> int:
-    """A TOML integer.
+    """A TOML integer that fits 32 bits.
 
     Args:
         value: value from the file.
@@ -49,6 +52,8 @@ def whole_number(value: Any, where: str) -> int:
     """
     if isinstance(value, bool) or not isinstance(value, int):
         raise ConfigError(f"{where} must be a whole number; received {value!r}.")
+    if abs(value) > 2**32:
+        raise ConfigError(f"{where} must be a whole number of at most 2^32.")
     return value
 
 
@@ -86,6 +91,11 @@ def refuse_unknown(rest: Any, allowed: list[str], path: str) -> None:
         hint = (
             f"did you mean {near[0]}?" if near else f"choose from {', '.join(allowed)}."
         )
+        if _GEOGRAPHIC.match(key) and any(name.endswith("north_m") for name in allowed):
+            hint = (
+                "positions are metres north and east of a point of your own, north_m "
+                "and east_m, not latitude and longitude."
+            )
         raise ConfigError(f"unknown key {path}.{key}; {hint}".replace(" .", " "))
 
 
@@ -107,8 +117,15 @@ class TomlTable:
         if key in self._data:
             return self._data[key]
         if default is _REQUIRED:
-            raise ConfigError(f"{self.where(key)} is missing.")
+            others = [name for name in self._data if name not in self._read]
+            rest = f" Other keys there: {', '.join(others)}." if others else ""
+            raise ConfigError(f"{self.where(key)} is missing.{rest}")
         return default
+
+    def only(self, allowed: Sequence[str]) -> None:
+        """Refuse other keys at once, before one that is missing is complained of."""
+        others = [key for key in self._data if key not in allowed]
+        refuse_unknown(others, list(allowed), self._path)
 
     def number(self, key: str, default: Any = _REQUIRED) -> float:
         """A number."""

@@ -14,6 +14,7 @@ from jaxglider import paper
 from jaxglider.control import Funnel
 from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode
+from jaxglider.files.course_remarks import course_remarks
 from jaxglider.files.gains import (
     decode_gains,
     decode_observer,
@@ -60,6 +61,7 @@ class Mission:
         law: law, observer and guidance of the loop, by themselves.
         model: design model that laws for this mission begin with.
         plant: name of the plant.
+        remarks: oddities of a course that can be flown.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Mission:
     law: LoadedGains
     model: DesignModel
     plant: str
+    remarks: tuple[str, ...] = ()
 
     @property
     def controller(self) -> str:
@@ -115,7 +118,10 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
         raise ConfigError(f"vehicle.plant: {error}") from error
     if factor <= 0.0:
         raise ConfigError(f"vehicle.design_factor must be positive; received {factor}.")
-    model = paper.design_model(plant, factor)
+    try:
+        model = paper.design_model(plant, factor)
+    except ValueError as error:
+        raise ConfigError(f"vehicle.design_factor: {error}") from error
     task = top.table("reference")
     case = paper_case(task.text("type", "schedule") == "waypoints")
     funnel = _funnel(top.get("funnel", None), case)
@@ -141,7 +147,8 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     path = scenario.reference
     guidance = path.line_of_sight if isinstance(path, WaypointPath) else None
     law = law._replace(observer=observer, guidance=guidance)
-    return Mission(name, law.on(scenario), seed, law, model, plant_name)
+    loop, remarks = law.on(scenario), course_remarks(data)
+    return Mission(name, loop, seed, law, model, plant_name, remarks)
 
 
 def paper_case(has_waypoints: bool) -> str:

@@ -209,6 +209,16 @@ CURRENT_KEYS = (
     "tide_north_m_s",
     "tide_east_m_s",
 )
+WAYPOINT_KEYS = (
+    "north_m",
+    "east_m",
+    "radius_m",
+    "abeam_m",
+    "lookahead_m",
+    "integral_gain",
+    "start_north_m",
+    "start_east_m",
+)
 STRATIFICATION_KEYS = (
     "density_gradient_1_m",
     "hull_compressibility_1_m",
@@ -241,6 +251,7 @@ def read_reference(
     where = "reference.waypoints"
     if origin.moved:
         where += f" (from the start at {origin.north:.10g}, {origin.east:.10g} on)"
+    path.only(WAYPOINT_KEYS)
     course = _built(
         WaypointPath,
         where,

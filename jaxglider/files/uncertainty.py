@@ -5,6 +5,7 @@ complaint. `TEMPLATE` is a complete, commented file.
 """
 
 import dataclasses
+import difflib
 import functools
 import math
 from importlib import resources
@@ -25,7 +26,7 @@ from jaxglider.files.uncertainty_tables import (
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.uncertainty.members import Group, Quantity, Uncertainty
 from jaxglider.uncertainty.quantities import relative, start, waves
-from jaxglider.vehicle.parameters import UNCERTAIN
+from jaxglider.vehicle.parameters import UNCERTAIN, GliderParameters
 from jaxglider.vehicle.sensors import Sensor
 
 TEMPLATE = functools.partial(
@@ -99,9 +100,7 @@ def _vehicle(
     quantities: list[Quantity] = []
     groups: list[Group] = []
     for count, table in enumerate(tables, 1):
-        entry = table.get("names", "all")
-        listed = entry if isinstance(entry, list) else [entry]
-        names = tuple(n for g in listed for n in PARAMETERS.get(str(g), (str(g),)))
+        names = _parameters(table.get("names", "all"), table.where("names"))
         correlation = table.get("correlation", None)
         where = table.where("")[:-1]
         factor = read_distribution(table.rest(), where, 1.0)
@@ -112,13 +111,34 @@ def _vehicle(
     return quantities, tuple(groups)
 
 
+def _parameters(value: Any, where: str) -> tuple[str, ...]:
+    """The parameters that a word, or a list of words, stands for.
+
+    Raises:
+        ConfigError: there are none, or there is no such parameter.
+    """
+    words = value if isinstance(value, list) else [value]
+    known = [*PARAMETERS, *(f.name for f in dataclasses.fields(GliderParameters))]
+    if not words:
+        raise ConfigError(f"{where} must name at least 1 parameter; received [].")
+    for word in words:
+        if word not in known:
+            near = difflib.get_close_matches(str(word), known, 1)
+            hint = f"Did you mean {near[0]}?" if near else f"Use {', '.join(known)}."
+            raise ConfigError(f"{where}: {word!r} is no parameter. {hint}")
+    return tuple(name for word in words for name in PARAMETERS.get(word, (word,)))
+
+
 def _correlation(value: Any, size: int, where: str) -> tuple[tuple[float, ...], ...]:
     """One number for all pairs, or the whole matrix."""
     if isinstance(value, list):
-        rows = [[number(x, where) for x in row] for row in value]
-        if len(rows) != size or any(len(row) != size for row in rows):
-            raise ConfigError(f"{where} must have {size} rows of {size} numbers.")
-        return tuple(tuple(row) for row in rows)
+        lists = all(isinstance(row, list) for row in value)
+        if not lists or [len(row) for row in value] != [size] * size:
+            raise ConfigError(
+                f"{where} must be one number or a list of {size} lists of {size} "
+                f"numbers each; received {value!r}."
+            )
+        return tuple(tuple(number(x, where) for x in row) for row in value)
     common = number(value, where)
     matrix = np.full((size, size), common)
     np.fill_diagonal(matrix, 1.0)

@@ -7,13 +7,15 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from jaxglider.core.toml import file_text
+from jaxglider.core.toml import file_text, number, refuse_unknown
 from jaxglider.signals import Command
 from jaxglider.vehicle.parameters import (
     BodyParameters,
     GliderParameters,
     VehicleData,
 )
+
+_TABLES = ("name", "parameters", "limits", "body")
 
 
 def vehicle_names() -> list[str]:
@@ -53,10 +55,17 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
     tables = {"parameters": GliderParameters, "limits": Command, "body": BodyParameters}
     if "body" not in data:
         del tables["body"]
+    try:
+        refuse_unknown([k for k in data if k not in _TABLES], list(_TABLES), "")
+    except ValueError as error:
+        raise ValueError(f"{source}: {error}") from error
+    name = data.get("name", str(source))
+    if not isinstance(name, str):
+        raise ValueError(f"{source}: name must be text; received {name!r}.")
     values = {key: _values(data, key, kind, source) for key, kind in tables.items()}
     try:
         return VehicleData(
-            name=str(data.get("name", source)),
+            name=name,
             parameters=GliderParameters(**values["parameters"]),
             limits=Command(**values["limits"]),
             body=BodyParameters(**values["body"]) if "body" in values else None,
@@ -117,5 +126,5 @@ def _values(
                 f"{source}: {table}.{key} must be a number or a table with `value`; "
                 f"received {entry!r}."
             )
-        values[key] = float(value)
+        values[key] = number(value, f"{source}: {table}.{key}")
     return values

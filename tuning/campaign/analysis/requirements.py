@@ -6,6 +6,7 @@ only the estimate is, the members are too few to say so, and that does not count
 
 import argparse
 import dataclasses
+import math
 import operator
 import re
 from collections.abc import Sequence
@@ -124,12 +125,16 @@ def requirement(text: str) -> Requirement:
             limit = float(form[4])
         except ValueError:
             limit = None
-    if form is None or limit is None:
+    if form is None or limit is None or not math.isfinite(limit):
         raise argparse.ArgumentTypeError(
-            "must be [LABEL:]QUANTITY<NUMBER (or <=, >, >=), as p_violation<0.01; "
-            f"received {text!r}."
+            "must be [LABEL:]QUANTITY<NUMBER (or <=, >, >=), as p_violation<0.01, with "
+            f"a finite number; received {text!r}."
         )
     quantity = form[2]
+    if quantity in PROBABILITIES and not 0.0 <= limit <= 1.0:
+        raise argparse.ArgumentTypeError(
+            f"a probability is compared with a number in [0, 1]; received {text!r}."
+        )
     known = quantity in PROBABILITIES or quantity.rpartition(".")[2] in STATISTICS
     if not known:
         raise argparse.ArgumentTypeError(

@@ -35,7 +35,7 @@ def init(options: argparse.Namespace) -> int:
 def validate(options: argparse.Namespace) -> int:
     """`jaxglider validate`: whether a mission file can be flown."""
     loaded = mission.load_mission(options.path)
-    for warning in start_warnings(loaded.loop):
+    for warning in (*loaded.remarks, *start_warnings(loaded.loop)):
         note(f"warning: {warning}")
     clock = loaded.loop.scenario.clock
     sys.stdout.write(

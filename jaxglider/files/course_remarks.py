@@ -1,0 +1,69 @@
+"""What looks wrong in a course that can be flown: places that are hardly meant so."""
+
+import math
+from typing import Any
+
+FASTEST = 3.0
+"""No glider is faster through the water, nor any current [m/s]."""
+
+
+def course_remarks(data: dict[str, Any]) -> tuple[str, ...]:
+    """Remarks on the waypoints of a mission.
+
+    Args:
+        data: tables of a mission file that has been read without complaint.
+    """
+    path = data.get("reference", {}).get("waypoints")
+    if path is None:
+        return ()
+    north, east = _listed(path["north_m"]), _listed(path["east_m"])
+    start = data.get("initial_state", {})
+    place = float(start.get("north_m", 0.0)), float(start.get("east_m", 0.0))
+    duration = float(data.get("clock", {}).get("duration_s", 800.0))
+    remarks = _beside_the_leg(path, place)
+    away = math.hypot(north[0] - place[0], east[0] - place[1])
+    if _like_degrees_and_minutes(north, east):
+        remarks.append(
+            f"waypoints as ({north[0]:.10g}, {east[0]:.10g}) look like degrees and "
+            "minutes (DDMM.mmm, as in a goto file), and are taken as metres: convert "
+            "them to metres north and east of a point of your own."
+        )
+    elif away > FASTEST * duration:
+        remarks.append(
+            f"the first waypoint is {away:.4g} m away, too far for {duration:g} s: "
+            "check its place, the glider's (initial_state) and clock.duration_s."
+        )
+    return tuple(remarks)
+
+
+def _listed(values: Any) -> list[float]:
+    return [float(x) for x in (values if isinstance(values, list) else [values])]
+
+
+def _beside_the_leg(path: dict[str, Any], place: tuple[float, float]) -> list[str]:
+    """A glider that starts elsewhere than the first leg, which nobody has placed."""
+    keys = ("start_north_m", "start_east_m")
+    if all(at == 0.0 or key in path for key, at in zip(keys, place, strict=True)):
+        return []
+    leg = [float(path.get(key, 0.0)) for key in keys]
+    return [
+        f"the glider starts at ({place[0]:.10g}, {place[1]:.10g}) m, but the first leg "
+        f"at ({leg[0]:.10g}, {leg[1]:.10g}), by default: it must join the leg from the "
+        "side, with a large heading error. For a leg from where it is, give "
+        f"reference.waypoints start_north_m = {place[0]:.10g} and start_east_m = "
+        f"{place[1]:.10g}."
+    ]
+
+
+def _like_degrees_and_minutes(north: list[float], east: list[float]) -> bool:
+    """Whether all are below 180 degrees with less than 60 minutes, and far from here.
+
+    Places that are metres may look the same by chance; then they are no such cluster
+    far from the point that they count from, or round.
+    """
+    values = [abs(x) for x in (*north, *east)]
+    shaped = all(x < 18100.0 and x % 100.0 < 60.0 for x in values)
+    round_ones = all(x == round(x) for x in values)
+    extent = math.hypot(max(north) - min(north), max(east) - min(east))
+    far = math.hypot(north[0], east[0]) > max(10.0 * extent, 100.0)
+    return shaped and far and not round_ones
