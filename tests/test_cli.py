@@ -368,7 +368,7 @@ def test_metrics_have_the_agreed_keys_and_json_is_the_same_object(call, tmp_path
     assert err.startswith("jaxglider: o: metrics.json, tables.md, trajectories.nc")
     with netCDF4.Dataset(tmp_path / "o" / "trajectories.nc") as file:
         error = file["pitch_error"][0]
-        assert list(file["run"][:]) == ["bay/printed/fxtppc"]
+        assert list(file["run_name"][:]) == ["bay/printed/fxtppc"]
         assert json.loads(file.provenance) == about
     assert run["channels"]["pitch"]["rms_error"] == pytest.approx(
         np.sqrt(np.mean(error**2)), rel=1e-12
@@ -509,7 +509,9 @@ def test_tuned_gains_are_written_and_compared_by_their_folder(
     errors = [run["channels"]["pitch"]["rms_error"] for run in runs]
     assert len(set(errors)) == 3
     with netCDF4.Dataset(tmp_path / "o" / "trajectories.nc") as file:
-        assert list(file["run"][:]) == [f"switching/printed/{name}" for name in names]
+        assert list(file["run_name"][:]) == [
+            f"switching/printed/{name}" for name in names
+        ]
         for row, error in enumerate(errors):
             found = np.sqrt(np.mean(file["pitch_error"][row] ** 2))
             assert found == pytest.approx(error, rel=1e-12)

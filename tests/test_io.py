@@ -11,6 +11,8 @@ import jax.numpy as jnp
 import netCDF4
 import numpy as np
 import pytest
+import xarray
+from cf_checker import complaints
 
 from jaxglider import paper
 from jaxglider.files.results import metrics_dict, write_trajectories
@@ -100,15 +102,17 @@ def test_dimensions_are_runs_and_the_longest_time(file, runs):
         "run": 3,
         "time": TICKS,
     }
-    assert list(file["run"][:]) == list(runs)
+    assert list(file["run_name"][:]) == list(runs)
     np.testing.assert_array_equal(file["time"][:], np.arange(TICKS) * 0.05)
-    assert file["time"].units == "s"
     assert file["time"].axis == "T"
+    start, end = netCDF4.num2date(file["time"][[0, -1]], file["time"].units)
+    assert (end - start).total_seconds() == pytest.approx((TICKS - 1) * 0.05)
+    assert start.isoformat() == "2000-01-01T00:00:00"
 
 
 def test_every_number_of_the_trajectory_is_in_the_file_with_its_unit(file, marked):
     expected = {name: (unit, values) for name, unit, values in _columns(marked.ticks)}
-    assert set(file.variables) == {"run", "time", *expected}
+    assert set(file.variables) == {"run_name", "time", *expected}
     for name, (unit, values) in expected.items():
         variable = file[name]
         assert (variable.dimensions, variable.dtype) == (("run", "time"), np.float64)
@@ -127,7 +131,7 @@ def test_a_short_run_and_an_ended_mission_are_padded_with_the_fill_value(file, m
 
 
 def test_attributes_follow_the_cf_conventions(file):
-    assert re.fullmatch(r"CF-1\.\d+", file.Conventions)
+    assert all(re.fullmatch(r"CF-1\.\d+", x) for x in file.Conventions.split())
     assert file.title
     assert "jaxglider" in file.source
     assert file.history.startswith("now")
@@ -135,8 +139,40 @@ def test_attributes_follow_the_cf_conventions(file):
         assert variable.long_name, name
     assert file["depth"].standard_name == "depth"
     assert file["depth"].positive == "down"
-    assert file["pitch"].standard_name == "platform_pitch"
-    assert file["roll"].standard_name == "platform_roll"
+    assert file["pitch"].standard_name == "platform_pitch_fore_up"
+    assert file["roll"].standard_name == "platform_roll_starboard_down"
+    assert file["depth_error"].coordinates == "run_name"
+
+
+def test_the_checker_of_the_conventions_finds_nothing(runs, run, tmp_path):
+    single = jax.tree.map(
+        lambda x: x.astype(np.float32) if x.dtype == np.float64 else x, run
+    )
+    for number, written in enumerate((runs, {"alone": single})):
+        path = tmp_path / f"{number}.nc"
+        write_trajectories(path, written, {"created": "now"})
+        assert complaints(path) == []
+
+
+def test_xarray_opens_the_file_with_times_and_names(runs, tmp_path):
+    write_trajectories(tmp_path / "t.nc", runs, {})
+    with xarray.open_dataset(tmp_path / "t.nc") as data:
+        assert data["run_name"].values.tolist() == list(runs)
+        tick = (data["time"][1] - data["time"][0]) / np.timedelta64(1, "ms")
+        assert float(tick) == pytest.approx(50.0)
+        chosen = data.swap_dims(run="run_name").sel(run_name="b/printed/ppc")
+        assert int(chosen["depth"].count()) == SHORT
+
+
+def test_the_checker_would_find_what_is_wrong(runs, tmp_path):
+    path = tmp_path / "t.nc"
+    write_trajectories(path, runs, {})
+    with netCDF4.Dataset(path, "a") as data:
+        data["time"].units = "s"
+        data["roll"].standard_name = "platform_rolling"
+    found = complaints(path)
+    assert any("time units" in text for text in found)
+    assert any("platform_rolling" in text for text in found)
 
 
 def test_provenance_is_kept_in_the_file(file):

@@ -86,7 +86,7 @@ def test_gains_of_one_name_are_told_apart(sweep, files):
     code, _, err = sweep(f"{command} --members 8 --out o {told}")
     assert code == 0, err
     with netCDF4.Dataset(files / "o/members.nc") as data:
-        assert list(data["gains"][:]) == ["smc (a/g.toml)", "smc (./b/g.toml)"]
+        assert list(data["gains_name"][:]) == ["smc (a/g.toml)", "smc (./b/g.toml)"]
 
 
 def test_a_file_named_as_a_word_is_told_apart(files, monkeypatch):

@@ -9,6 +9,8 @@ import jax
 import netCDF4
 import numpy as np
 import pytest
+import xarray
+from cf_checker import complaints
 from scipy import stats
 from toy_campaign import RUN, Toy
 
@@ -111,6 +113,17 @@ def test_a_campaign_says_what_its_rows_hold(sweep, tmp_path):
         assert file["drag"].units == "kg/m"
         assert np.isnan(file["run_pitch_rms_effort"][failed, 0].filled(np.nan)).all()
         np.testing.assert_array_equal(file["run_finite"][:, 0] == 0, failed)
+
+
+def test_the_checker_of_the_conventions_finds_nothing(sweep, tmp_path):
+    """With every quantity that can be uncertain, and two sets of gains."""
+    assert sweep("init --uncertainty u.toml")[0] == 0
+    told = RUN.replace("--controller smc", "--controller smc ppc")
+    assert sweep(f"{told} --members 8 --uncertainty u.toml --out a")[0] == 0
+    assert complaints(tmp_path / "a/members.nc") == []
+    with xarray.open_dataset(tmp_path / "a/members.nc") as data:
+        assert data["run_end_time"].dims == ("member", "gains")
+        assert data["gains_name"].values.tolist() == ["smc", "ppc"]
 
 
 def _drag(file):

@@ -34,7 +34,19 @@ _STATE = {
     "pitch_rate": ("rad s-1", "pitch rate, body frame"),
     "yaw_rate": ("rad s-1", "yaw rate, body frame"),
 }
-_STANDARD_NAMES = {"depth": "depth", "roll": "platform_roll", "pitch": "platform_pitch"}
+_STANDARD_NAMES = {
+    "depth": "depth",
+    "roll": "platform_roll_starboard_down",
+    "pitch": "platform_pitch_fore_up",
+    "heading": "platform_yaw_fore_starboard",
+    "surge": "platform_surge_rate_fore",
+    "sway": "platform_sway_rate_starboard",
+    "heave": "platform_heave_rate_down",
+    "roll_rate": "platform_roll_rate_starboard_down",
+    "pitch_rate": "platform_pitch_rate_fore_up",
+    "yaw_rate": "platform_yaw_rate_fore_starboard",
+}
+_EPOCH = "2000-01-01T00:00:00Z"
 
 
 def metrics_dict(metrics: Metrics, *, has_waypoints: bool) -> dict[str, Any]:
@@ -69,6 +81,21 @@ def _plain(value: Any) -> float | None:
     return number if np.isfinite(number) else None
 
 
+def write_head(file: Any, title: str, about: dict[str, Any]) -> None:
+    """Write the attributes of a NetCDF file as a whole.
+
+    Args:
+        file: open file.
+        title: what is in it.
+        about: provenance, kept as a JSON attribute.
+    """
+    file.Conventions = "CF-1.8 CF-1.9 CF-1.10 CF-1.11"
+    file.title = title
+    file.source = "jaxglider"
+    file.history = f"{about.get('created', '')} jaxglider"
+    file.provenance = json.dumps(about)
+
+
 def write_trajectories(
     path: str | Path,
     runs: dict[str, Trajectory],
@@ -76,6 +103,9 @@ def write_trajectories(
     origin: Origin = MAP_ZERO,
 ) -> None:
     """Write trajectories as NetCDF-4 with CF attributes, dimensions run and time.
+
+    Positions are in a plane that lies nowhere on Earth, so that a run is no trajectory
+    in the sense of these conventions, which ask for latitude and longitude.
 
     Runs of different length are padded with the fill value, and so are the ticks after
     a mission has ended.
@@ -97,19 +127,19 @@ def write_trajectories(
         replacing(path) as temporary,
         netCDF4.Dataset(temporary, "w", format="NETCDF4") as file,
     ):
-        file.Conventions = "CF-1.10"
-        file.title = "Closed-loop runs of an underwater glider"
-        file.source = "jaxglider"
-        file.history = f"{about.get('created', '')} jaxglider"
-        file.provenance = json.dumps(about)
+        write_head(file, "Closed-loop runs of an underwater glider", about)
         file.createDimension("run", len(runs))
         file.createDimension("time", length)
-        label = file.createVariable("run", str, ("run",))
+        # No coordinate variable, which may hold numbers only: a name of its own.
+        label = file.createVariable("run_name", str, ("run",))
         label.long_name = "scenario/plant/controller"
         label[:] = np.asarray(list(runs), dtype=object)
         time = file.createVariable("time", "f8", ("time",))
-        time.units, time.long_name = "s", "start of the control tick"
-        time.axis = "T"
+        time.units, time.calendar = f"seconds since {_EPOCH}", "standard"
+        time.units_metadata = "leap_seconds: none"
+        time.standard_name, time.axis = "time", "T"
+        time.long_name = "start of the control tick"
+        time.comment = f"a simulation has no date: {_EPOCH} stands for its start"
         time[:] = np.asarray(longest.ticks.time)
         for name, units, text, where in _variables():
             columns = [_column(run.ticks, where) for run in runs.values()]
@@ -124,6 +154,7 @@ def _write_variable(
         name, kind, ("run", "time"), zlib=True, complevel=1, fill_value=np.nan
     )
     variable.units, variable.long_name = units, text
+    variable.coordinates = "run_name"
     if name in _STANDARD_NAMES:
         variable.standard_name = _STANDARD_NAMES[name]
     if name == "depth":

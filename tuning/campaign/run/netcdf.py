@@ -1,12 +1,12 @@
 """The rows of a campaign as NetCDF: one row a member, with units and names."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 import netCDF4
 import numpy as np
 
+from jaxglider.files.results import write_head
 from jaxglider.files.writing import replacing
 from tuning.campaign.run.rows import COLUMNS, FLAGS, unit
 from tuning.campaign.run.store import Manifest
@@ -15,7 +15,7 @@ from tuning.campaign.run.store import Manifest
 def write_members(
     path: Path, manifest: Manifest, rows: np.ndarray, about: dict[str, Any]
 ) -> None:
-    """Write what was drawn for each member and what came of it.
+    """Write what was drawn for each member and what came of it, as CF has it.
 
     Dimensions `member` and `gains`. A variable for each uncertain quantity (member),
     and for each metric and flag (member, gains); NaN is what a run came to that did not
@@ -34,16 +34,14 @@ def write_members(
         replacing(path) as temporary,
         netCDF4.Dataset(temporary, "w", format="NETCDF4") as file,
     ):
-        file.title = "Monte Carlo members of closed-loop runs of an underwater glider"
-        file.source = "jaxglider"
-        file.history = f"{about.get('created', '')} jaxglider sweep"
-        file.provenance = json.dumps(about)
+        title = "Monte Carlo members of closed-loop runs of an underwater glider"
+        write_head(file, title, about)
         file.createDimension("member", len(rows))
         file.createDimension("gains", len(manifest.labels))
-        label = file.createVariable("gains", str, ("gains",))
+        label = file.createVariable("gains_name", str, ("gains",))
         label.long_name = "set of gains"
         label[:] = np.asarray(list(manifest.labels), dtype=object)
-        number = file.createVariable("member", "i8", ("member",), zlib=True)
+        number = file.createVariable("member", "i4", ("member",), zlib=True)
         number.long_name = "number of the member, as for jaxglider rerun"
         number[:] = rows["member"]
         for column, (name, place, units) in enumerate(manifest.quantities):
@@ -67,4 +65,5 @@ def _write_column(file: Any, name: str, values: np.ndarray) -> None:
         complevel=1,
     )
     variable.units, variable.long_name = unit(name), name.replace("_", " ")
+    variable.coordinates = "gains_name"
     variable[:] = values.astype(np.int8) if kind == "i1" else values
