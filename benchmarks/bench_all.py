@@ -1,4 +1,4 @@
-"""All benchmarks of speed, and the README's table: `python benchmarks/bench_all.py`.
+"""All benchmarks of speed, for docs/speed.md: `python benchmarks/bench_all.py`.
 
 Each runs in a process of its own, one after the other, and leaves its figures and its
 picture in the folder `--out`. The tables come on standard output as Markdown. Leave the
@@ -93,7 +93,7 @@ def sentences(results: dict[str, Any]) -> str:
 
 
 def main() -> int:
-    """Run them and print the README's table."""
+    """Run them and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="few cases, short runs")
     parser.add_argument("--out", type=Path, default=Path("results/benchmarks"))
