@@ -1,4 +1,4 @@
-"""What looks wrong in a course that can be flown: places that are hardly meant so."""
+"""Remarks on a course that can be flown: places that are hardly meant so."""
 
 import math
 from typing import Any

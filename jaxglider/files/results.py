@@ -86,7 +86,7 @@ def write_head(file: Any, title: str, about: dict[str, Any]) -> None:
 
     Args:
         file: open file.
-        title: what is in it.
+        title: title of the file.
         about: provenance, kept as a JSON attribute.
     """
     file.Conventions = "CF-1.8 CF-1.9 CF-1.10 CF-1.11"
