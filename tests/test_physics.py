@@ -198,10 +198,10 @@ class MatrixGlider:
 
 
 def random_states(rng, count):
-    """States of realistic size, one row each."""
+    """States of realistic size under water, one row each."""
     scale = [50, 50, 50, 0.5, 1.0, 3, 0.2, 0.05, 0.05, 0.1, 0.05, 0.05]
     middle = np.zeros(12)
-    middle[6] = 0.4
+    middle[[2, 6]] = 60.0, 0.4
     return middle + np.array(scale) * rng.uniform(-1, 1, (count, 12))
 
 
@@ -516,7 +516,8 @@ def test_glider_settles_into_the_steady_glide_its_equations_have(mass, position)
         return jax.lax.scan(tick, state, None, length=6000)[0]
 
     start = np.zeros((1, 12))
-    start[0, [4, 6]] = -0.3 * down, 0.2
+    # Deep enough to climb for ten minutes and stay below the surface.
+    start[0, [2, 4, 6]] = 1000.0, -0.3 * down, 0.2
     last = array(roll_out(columns(GliderState, start)))[0]
     np.testing.assert_allclose(last[[6, 8, 4]], solution, rtol=1e-7)
     np.testing.assert_allclose(last[[3, 7, 9, 10, 11]], 0.0, atol=1e-9)

@@ -13,7 +13,7 @@ from jaxglider.environment.surface import DIAMETER, surface_force
 from jaxglider.signals import BodyAxes, Command, GliderState, zeros
 from jaxglider.simulation.motion import integrate
 from jaxglider.simulation.start import above_the_surface
-from jaxglider.simulation.tick import TickPlan, with_start
+from jaxglider.simulation.tick import TickInput, TickPlan
 from jaxglider.vehicle.plants import PLANTS
 
 GRAVITY = 9.81
@@ -26,7 +26,7 @@ def float_up(scenario, command, start):
     calm = TickPlan(0.0 * start.surge, zero, None, None, None, None)
 
     def tick(state, _):
-        after = integrate(scenario, state, command, with_start(calm, zero, None))
+        after = integrate(scenario, state, command, TickInput(calm, zero, None))
         return after, after
 
     return jax.lax.scan(tick, start, None, length=6000)[1]

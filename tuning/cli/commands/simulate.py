@@ -47,7 +47,9 @@ def _simulate_outside(options: argparse.Namespace, mission: Mission, seed: int) 
     dt = float(str(np.asarray(loop.scenario.clock.dt)))
     peer = ChildProcess([options.controller_binary], dt, options.controller_timeout)
     try:
-        outside = PipeController(loop.controller.funnel, peer, loop.scenario.origin)
+        outside = PipeController(
+            loop.controller.funnel, peer, origin=loop.scenario.origin
+        )
         loop = ClosedLoop(loop.scenario, outside, NoObserver())
         name = Path(options.controller_binary).name
         entry = PlannedRun(mission.name, mission.plant, name, loop, published=False)
