@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-import tuning.api.tune
+import tuning.api.results
 from jaxglider import paper
 from jaxglider.environment.disturbances import Sum
 from jaxglider.files.gains import encode_law, load_gains
@@ -110,7 +110,7 @@ def test_gains_of_a_mission_need_one(call):
 def test_guidance_tuned_for_a_mission_comes_back_with_its_gains(
     call, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(tuning.api.tune, "write_tuning_report", lambda *args: None)
+    monkeypatch.setattr(tuning.api.results, "write_tuning_report", lambda *args: None)
     code, out, err = call(
         *("tune", "--config", "bay.toml", "--members", "1", "--method", "random"),
         *("--free", "scenario.reference.line_of_sight", "controller.c1"),

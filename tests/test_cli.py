@@ -13,7 +13,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-import tuning.api.tune
+import tuning.api.results
 import tuning.cli.commands.compare
 import tuning.cli.commands.simulate
 import tuning.cli.main
@@ -481,7 +481,7 @@ def test_running_out_of_memory_is_told_in_one_line(call, monkeypatch):
 def test_tuned_gains_are_written_and_compared_by_their_folder(
     call, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(tuning.api.tune, "write_tuning_report", lambda *args: None)
+    monkeypatch.setattr(tuning.api.results, "write_tuning_report", lambda *args: None)
     # The law without an observer compiles fastest.
     code, out, err = call(
         *("tune", "--controller", "smc", "--plant", "printed", "--members", "1"),

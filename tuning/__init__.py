@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tuning.api.check_gradients import GradientCheck as GradientCheck
     from tuning.api.check_gradients import check_gradients as check_gradients
-    from tuning.api.sweep import SweepResult as SweepResult
+    from tuning.api.results import SweepResult as SweepResult
+    from tuning.api.results import TuneResult as TuneResult
     from tuning.api.sweep import sweep as sweep
-    from tuning.api.tune import TuneResult as TuneResult
     from tuning.api.tune import tune as tune
     from tuning.problem.aggregates import CVaR as CVaR
     from tuning.problem.aggregates import Mean as Mean
@@ -28,8 +28,8 @@ _PLACES = {
     "GradientCheck": "tuning.api.check_gradients",
     "Mean": "tuning.problem.aggregates",
     "SoftWorst": "tuning.problem.aggregates",
-    "SweepResult": "tuning.api.sweep",
-    "TuneResult": "tuning.api.tune",
+    "SweepResult": "tuning.api.results",
+    "TuneResult": "tuning.api.results",
     "Weights": "tuning.problem.objective",
     "check_gradients": "tuning.api.check_gradients",
     "sweep": "tuning.api.sweep",

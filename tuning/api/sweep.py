@@ -4,29 +4,26 @@ import dataclasses
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import equinox as eqx
 import numpy as np
-from matplotlib.figure import Figure
 
 from jaxglider.files.gains import encode_law
 from jaxglider.files.writing import provenance
-from jaxglider.plotting.style import PAGE, look, new_figure
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.uncertainty.members import Uncertainty
 from jaxglider.uncertainty.quantities import uniform_uncertainty
+from tuning.api.results import SweepResult
 from tuning.campaign.analysis.requirements import Requirement, requirement
-from tuning.campaign.analysis.summary import MEASURES, CampaignSummary, text_summary
+from tuning.campaign.analysis.summary import MEASURES
 from tuning.campaign.execute import Work
-from tuning.campaign.report import figures
 from tuning.campaign.report.conclude import (
     Conclusions,
     conclude,
     write_conclusions,
 )
 from tuning.campaign.run.campaign import Campaign, CampaignSettings, make_sampler
-from tuning.campaign.run.rows import COLUMNS, Rows
+from tuning.campaign.run.rows import Rows
 from tuning.campaign.run.store import Manifest, opened, prepare
 from tuning.problem.case import FlightCase
 from tuning.problem.fingerprint import fingerprint
@@ -34,87 +31,6 @@ from tuning.problem.gain_sets import GainSet
 from tuning.problem.spec import DEFAULT_UNCERTAINTY, name_of
 from tuning.reporting.console import BarProgress, Progress, SilentProgress, note
 from tuning.reporting.output_folder import writing_to
-
-
-@dataclasses.dataclass(frozen=True)
-class SweepResult:
-    """Result of a campaign.
-
-    Attributes:
-        campaign: campaign that was run.
-        rows: rows of its members, to be read by column.
-        summary: probabilities, quantiles and comparisons as plain numbers, as they
-            stand in summary.json.
-        interrupted: whether it was stopped before its last member.
-    """
-
-    campaign: Campaign
-    rows: Rows
-    summary: CampaignSummary
-    interrupted: bool
-
-    def __str__(self) -> str:
-        """The summary as a table."""
-        return text_summary(self.summary)
-
-    def to_xarray(self) -> Any:
-        """Draws and outcomes as an `xarray.Dataset` over members and loops.
-
-        Raises:
-            ImportError: xarray is not installed.
-        """
-        import xarray
-
-        outcomes = np.asarray(self.rows.rows["metrics"])
-        draws = {
-            name: ("member", np.asarray(self.rows.rows["values"][:, column]))
-            for column, name in enumerate(self.campaign.uncertainty.names())
-        }
-        runs = {
-            f"run_{name.replace('.', '_')}": (
-                ("member", "loop"),
-                outcomes[:, :, column],
-            )
-            for column, name in enumerate(COLUMNS)
-        }
-        return xarray.Dataset(
-            {**draws, **runs},
-            coords={
-                "member": np.asarray(self.rows.rows["member"]),
-                "loop": list(self.campaign.labels),
-            },
-        )
-
-    def plot(self) -> Figure:
-        """The distribution of each channel's error, a line for each loop."""
-        with look():
-            figure = new_figure(PAGE, 2.4)
-            figures.distributions(figure.subplots(1, 3, sharey=True), self.rows)
-        return figure
-
-    def save(
-        self, folder: str | Path, *, overwrite: bool = False, report: bool = True
-    ) -> None:
-        """Write what `jaxglider sweep` writes: rows, summary, NetCDF and report.
-
-        Args:
-            folder: folder to write to; made if it is not there.
-            overwrite: whether to discard a campaign that it holds.
-            report: whether there is to be a report with figures.
-
-        Raises:
-            ValueError: the folder holds a campaign.
-            OSError: it cannot be written.
-        """
-        out = Path(folder)
-        campaign, rows, summary = self.campaign, self.rows.rows, self.summary
-        members = campaign.settings.members
-        manifest = Manifest.of(campaign, 0, members, summary.provenance)
-        with writing_to(out):
-            prepare(out, manifest, resume=False, overwrite=overwrite)
-            with opened(out, manifest.row_type(), 0) as store:
-                store.append(rows)
-            write_conclusions(out, campaign, manifest, rows, summary, report=report)
 
 
 def sweep(

@@ -9,29 +9,14 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import tomli_w
-from matplotlib.figure import Figure
 
-from jaxglider.files.gains import encode_law
-from jaxglider.files.user_law import short_name
-from jaxglider.files.writing import provenance, write_json, write_text
-from jaxglider.plotting.style import look
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.rollout import Trajectory, simulate
 from jaxglider.uncertainty.members import Uncertainty
+from tuning.api.results import TuneResult
 from tuning.evaluation.final_gradient import GradientProbe
-from tuning.evaluation.held_out import Judge, Verdict, compare_held_out
-from tuning.evaluation.report import (
-    draw_gains,
-    draw_objective,
-    history_table,
-    text_report,
-    write_tuning_report,
-)
-from tuning.gradient_check.statement import GradientStatement
+from tuning.evaluation.held_out import Judge, compare_held_out
 from tuning.problem.aggregates import MEAN, AbstractAggregate
 from tuning.problem.fingerprint import fingerprint
-from tuning.problem.lanes import member_count
 from tuning.problem.objective import Cost, Weights
 from tuning.problem.objective_file import DEFAULT_WEIGHTS
 from tuning.problem.problem import TuningProblem
@@ -41,159 +26,8 @@ from tuning.reporting.output_folder import writing_to
 from tuning.search.black_box import search_black_box
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descend import beside, descend
-from tuning.search.settings import BlackBoxSettings, DescentSettings, Step
+from tuning.search.settings import BlackBoxSettings, DescentSettings
 from tuning.space.coordinates import K1_BELOW_K2
-
-
-@dataclasses.dataclass(frozen=True)
-class TuneResult:
-    """Result of tuning.
-
-    Attributes:
-        problem: problem that was solved.
-        loop: closed loop with the tuned gains.
-        verdict: comparison of before and after on members that tuning did not see.
-        history: steps of the search, the start first.
-        method: name of the search, `gradient`, `cma` or `random`.
-        notes: remarks on the start, the gradient and the sets.
-        gradient: worth of the exact gradient at the tuned gains, on the nominal case as
-            it is flown; None where it was not asked for.
-        interrupted: whether the search was stopped before its end; the gains are the
-            best until then.
-        seconds: time that it took [s].
-    """
-
-    problem: TuningProblem
-    loop: ClosedLoop
-    verdict: Verdict
-    history: list[Step]
-    method: str
-    notes: tuple[str, ...]
-    gradient: GradientStatement | None
-    interrupted: bool
-    seconds: float
-
-    @property
-    def gains(self) -> dict[str, tuple[float, float]]:
-        """Value before and after of each number that was tuned, by its dotted path."""
-        space = self.problem.space
-        before, after = space.values(self.problem.loop), space.values(self.loop)
-        return {name: (before[name], after[name]) for name in before}
-
-    def __str__(self) -> str:
-        """The held-out comparison and the gains, as a table."""
-        return text_report(self.to_dict())
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything but the history as plain numbers, as it stands in tune.json."""
-        problem = self.problem
-        sets = ("training", "validation", "test")
-        return {
-            "scenario": problem.spec.case.title,
-            "plant": problem.spec.case.plant,
-            "controller": short_name(problem.spec.controller),
-            "method": self.method,
-            "steps": self.history[-1].number,
-            "refused": sum(step.refused for step in self.history),
-            "members": {name: member_count(getattr(problem, name)) for name in sets},
-            "gains": {
-                name: {"before": before, "after": after}
-                for name, (before, after) in self.gains.items()
-            },
-            **self.verdict.to_dict(),
-            "gradient": None if self.gradient is None else self.gradient.to_dict(),
-            "notes": list(self.notes),
-            "seconds": round(self.seconds, 1),
-        }
-
-    def to_xarray(self) -> Any:
-        """The history as an `xarray.Dataset` over steps and names of gains.
-
-        Raises:
-            ImportError: xarray is not installed.
-        """
-        import xarray
-
-        space, loop = self.problem.space, self.problem.loop
-        gains = [
-            list(space.values(space.write(loop, step.free)).values())
-            for step in self.history
-        ]
-        columns = ("loss", "validation", "refused", "best", "learning_rate")
-        series = {
-            name: ("step", [getattr(step, name) for step in self.history])
-            for name in columns
-        }
-        return xarray.Dataset(
-            {**series, "gain": (("step", "name"), gains)},
-            coords={
-                "step": [step.number for step in self.history],
-                "name": list(space.names),
-            },
-        )
-
-    def plot(self) -> Figure:
-        """The objective and the gains that moved most, step by step."""
-        with look():
-            figure = Figure(figsize=(9.0, 4.0), layout="constrained")
-            left, right = figure.subplots(1, 2)
-            draw_objective(left, self.history)
-            draw_gains(right, self.problem, self.history)
-            right.legend(fontsize=7, loc="best")
-        return figure
-
-    def trajectories(self) -> dict[str, Trajectory]:
-        """The nominal case flown `before` and `after`, on the host."""
-        run = jax.jit(simulate)
-        sea = self.problem.loop.scenario.sea(jax.random.key(0))
-        return {
-            "before": jax.device_get(run(self.problem.loop, sea)),
-            "after": jax.device_get(run(self.loop, sea)),
-        }
-
-    def save(
-        self, folder: str | Path, *, command: Sequence[str] = (), **more: Any
-    ) -> dict[str, Any]:
-        """Write gains.toml, history.csv, tune.json and report.md with its figures.
-
-        Args:
-            folder: folder to write to; made if it is not there.
-            command: words of the command line that made the result, for provenance.
-            **more: further entries of tune.json; those that are not None stand in the
-                gains file's provenance too.
-
-        Returns:
-            The content of tune.json.
-
-        Raises:
-            OSError: it cannot be written.
-        """
-        out = Path(folder)
-        about = provenance(
-            command=list(command),
-            precision=8 * self.problem.loop.scenario.clock.dt.dtype.itemsize,
-            partial=self.interrupted,
-        )
-        result = {**self.to_dict(), **more, "provenance": about}
-        words = ["jaxglider", *command] if command else ["tuning.tune", "from Python"]
-        gains = {
-            **encode_law(self.loop),
-            "provenance": {
-                "command": " ".join(words),
-                "created": about["created"],
-                "scenario": result["scenario"],
-                "plant": result["plant"],
-                **{key: value for key, value in more.items() if value is not None},
-                **({"gradient": self.gradient.text()} if self.gradient else {}),
-                "versions": about["versions"],
-            },
-        }
-        write_text(out / "gains.toml", tomli_w.dumps(gains))
-        write_text(out / "history.csv", history_table(self.problem, self.history))
-        write_json(out / "tune.json", result)
-        runs = self.trajectories()
-        write_tuning_report(out, self.problem, self.history, result, self.loop, runs)
-        return result
 
 
 def tune(
