@@ -569,7 +569,7 @@ def _first_failure(folder: Path, mutation: Mutation | None, tests: list[str]) ->
         cwd=tree,
         env={**os.environ, "PYTHONPATH": str(tree)},
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         check=False,
     )
     if done.returncode == 0:
