@@ -10,9 +10,11 @@ import math
 import operator
 import re
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tuning.campaign.analysis.summary import ControllerSummary
+if TYPE_CHECKING:
+    from tuning.campaign.analysis.summary import ControllerSummary
+
 
 PROBABILITIES = (
     "p_violation",
@@ -73,7 +75,9 @@ class Requirement:
                 f"{', '.join(measures)}."
             )
 
-    def judged(self, controllers: dict[str, ControllerSummary]) -> list[dict[str, Any]]:
+    def judged(
+        self, controllers: "dict[str, ControllerSummary]"
+    ) -> list[dict[str, Any]]:
         """The verdict for each set of gains it is asked of.
 
         Args:
@@ -82,7 +86,7 @@ class Requirement:
         chosen = [self.label] if self.label else list(controllers)
         return [self._judge(label, controllers[label]) for label in chosen]
 
-    def _judge(self, label: str, summary: ControllerSummary) -> dict[str, Any]:
+    def _judge(self, label: str, summary: "ControllerSummary") -> dict[str, Any]:
         estimate, interval = self._look_up(summary)
         holds = _OPERATORS[self.comparison]
         less = self.comparison.startswith("<")
@@ -101,7 +105,7 @@ class Requirement:
             "verdict": verdict,
         }
 
-    def _look_up(self, summary: ControllerSummary) -> tuple[float | None, Any]:
+    def _look_up(self, summary: "ControllerSummary") -> tuple[float | None, Any]:
         if self.quantity in PROBABILITIES:
             entry = summary.probabilities[self.quantity]
             return entry["p"], entry["interval"]
