@@ -488,3 +488,13 @@ def test_a_column_of_a_failed_run_is_infinite():
     np.testing.assert_array_equal(
         table.column(0, "depth.rms_error"), [1.0, np.inf, np.inf]
     )
+
+
+def test_a_run_that_ended_before_its_funnel_settled_has_no_error_after_it():
+    metrics = np.ones((3, 1, len(COLUMNS)))
+    metrics[1, 0, COLUMNS.index("finite")] = 0.0
+    metrics[1:, 0, COLUMNS.index("depth.max_error_settled")] = np.nan
+    table = Rows(make_rows(0, np.ones((3, 1)), metrics), ("x",))
+    np.testing.assert_array_equal(
+        table.column(0, "depth.max_error_settled"), [1.0, np.inf, np.nan]
+    )

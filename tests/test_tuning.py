@@ -192,8 +192,8 @@ def test_a_cost_without_a_unit_is_refused(cost, message):
 @pytest.mark.parametrize(
     ("text", "name", "message"),
     [
-        ("def f(m, s): return 0", "g", "has no function 'g'"),
-        ("f = 3", "f", "has no function 'f'"),
+        ("def f(m, s): return 0", "g", "has no FUNCTION 'g'"),
+        ("f = 3", "f", "must name a function"),
         ("import nowhere_to_be_found", "f", "cannot be run"),
         (None, "f", "existing file"),
     ],

@@ -23,6 +23,10 @@ COLUMNS = (*(f"{c}.{m}" for c in CHANNELS for m in MEASURES), *OUTCOMES)
 """Names of what is kept of a run, in the order of the rows."""
 
 
+MAY_LACK = ("max_error_settled",)
+"""Measures that are NaN in a sound run: it may end before its funnel settles."""
+
+
 def flatten(metrics: Metrics) -> np.ndarray:
     """Metrics with leading axes as numbers, columns last."""
     paths = [f"channels.{name}" if "." in name else name for name in COLUMNS]
@@ -114,11 +118,13 @@ class Rows:
     def column(self, gains: int, name: str) -> np.ndarray:
         """A column with infinity for every run that failed.
 
-        What a run that did not fail cannot tell, as the largest error after settling
-        of one that ended before, stays NaN: it is neither good nor bad.
+        A measure that a sound run may lack stays NaN: it is neither good nor bad.
         """
         values = self.raw(gains, name)
-        return np.where(self.failed(gains) | np.isinf(values), np.inf, values)
+        sound = np.isfinite(values)
+        if name.rpartition(".")[2] in MAY_LACK:
+            sound |= np.isnan(values)
+        return np.where(self.failed(gains) | ~sound, np.inf, values)
 
     def left_funnel(self, gains: int, channel: str | None = None) -> np.ndarray:
         """Flags of members that left the funnel of one channel or any; failures did."""
