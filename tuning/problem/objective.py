@@ -1,9 +1,10 @@
 """Objective of tuning: a weighted sum for each member, and one number for all.
 
 Tracking, effort and chattering are each taken relative to what the starting gains give
-on the nominal case, so weights can be read. Of the smooth penalties, `crowding` keeps
-the errors inside their funnels, `roll` the glider upright, and `saturation` the command
-within what the actuators follow.
+on the nominal case, so weights can be read; `baseline` says what stands in where that
+is nothing. Of the smooth penalties, `crowding` keeps the errors inside their funnels,
+`roll` the glider upright, and `saturation` the command within what the actuators
+follow.
 
 A cost of the user's own takes the place of all this: see `load_cost`.
 """

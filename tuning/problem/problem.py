@@ -6,15 +6,13 @@ from typing import Any
 
 import jax
 
-from jaxglider.control import AbstractController
 from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Series
-from jaxglider.files.codec import FAMILIES
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.rollout import evaluate, sparse_checkpoints
 from jaxglider.uncertainty.members import Member, with_member
-from tuning.problem.gain_sets import PAPER
+from tuning.problem.baseline import baseline_metrics
 from tuning.problem.lanes import losses, member_count
 from tuning.problem.members import (
     TEST,
@@ -130,20 +128,3 @@ class TuningProblem:
             )
 
         return jax.jit(run)
-
-
-def baseline_metrics(spec: ProblemSpec, loop: ClosedLoop) -> Metrics:
-    """The nominal run with the starting gains, or with the paper's if that fails.
-
-    Args:
-        spec: description of the problem.
-        loop: closed loop of the problem, in the scenario of the ensemble.
-    """
-    run = jax.jit(evaluate)
-    member = jax.tree.map(lambda x: x[0], nominal_member(loop))
-    baseline: Metrics = run(*with_member(loop, member))
-    if bool(baseline.finite) or spec.controller not in FAMILIES[AbstractController]:
-        return baseline
-    (gains,) = spec.case.resolve([PAPER], [spec.controller])
-    paper_loop = dataclasses.replace(spec.case.loop(gains)[1], scenario=loop.scenario)
-    return run(*with_member(paper_loop, member))
