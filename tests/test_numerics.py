@@ -286,6 +286,38 @@ def test_observer_root_meets_its_equation_over_the_whole_tuning_range():
     np.testing.assert_allclose(root, exact, rtol=1e-12, atol=0)
 
 
+def _far_observer_problems():
+    """Gains up to six decades from the paper's, and targets near the half sign."""
+    rng = np.random.default_rng(5)
+    count = 60_000
+    decades = lambda: 10.0 ** rng.uniform(-6, 6, count)
+    iota1 = decades() * rng.choice([0.001, 0.01], count)
+    iota2 = decades() * rng.choice([0.01, 0.1], count)
+    stretch = decades() * rng.choice([18.0, 180.0], count)
+    dt = rng.choice([0.01, 0.05, 0.1], count)
+    target = 10.0 ** rng.uniform(-8, 4, count)
+    # The half sign: b = a2/2, where the root is steepest.
+    near = 0.5 * dt**2 * iota2 * (1 + rng.choice([-1, 1], count) * decades() * 1e-6)
+    close = (rng.random(count) < 0.3) & (near > 1e-8) & (near < 1e4)
+    target = np.where(close, near, target)
+    # Shipped: 26 % wrong at b = 3 with four steps from the old guess.
+    iota1[0], iota2[0], stretch[0], dt[0], target[0] = 1310.4, 0.1, 18.0, 0.05, 3.0
+    return target, (dt * iota1, dt**2 * iota2, stretch, np.full(count, 1e-3))
+
+
+def test_observer_root_meets_its_equation_wherever_a_search_may_lead():
+    target, gains = _far_observer_problems()
+    one = lambda b, g: observer_root(b, g, NEWTON_STEPS)
+    root = np.asarray(jax.jit(jax.vmap(one))(target, gains))
+    # Bisection of the logarithm: roots span thirty decades.
+    low, high = np.full(target.shape, -120.0), np.log(target)
+    for _ in range(64):
+        middle = 0.5 * (low + high)
+        below = _left_side(np.exp(middle), *gains) < target
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    np.testing.assert_allclose(root, np.exp(0.5 * (low + high)), rtol=2e-9, atol=0)
+
+
 def test_observer_root_in_single_precision_is_right_to_rounding():
     target, gains = jax.tree.map(lambda x: x.astype(np.float32), _observer_problems())
     one = lambda b, g: observer_root(b, g, NEWTON_STEPS)
