@@ -329,7 +329,8 @@ def test_the_roll_aware_law_is_the_papers_where_nothing_is_added(step):
 @pytest.mark.parametrize(
     ("field", "value", "rule"),
     [
-        ("roll_share", -0.1, "zero or positive"),
+        ("roll_share", -0.1, r"in \[0, 1\)"),
+        ("roll_share", 1.0, r"in \[0, 1\); received 1.0"),
         ("roll_damping", -1.0, "zero or positive"),
         ("largest_angle", 1.6, r"in \(0, 1.5708\]"),
         ("hedging", 1.1, r"in \[0, 1\]"),

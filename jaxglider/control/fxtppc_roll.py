@@ -15,7 +15,8 @@ surface,
 s = ε₂ + ∫ (A − η λ ν_h) dt,    ν_h = g (U_applied − U_asked),
 
 so that s sees only what the law itself is to blame for, whatever kept the command back:
-the clip, the damping, or an actuator's end, rate or lag.
+the clip, the damping, or an actuator's end, rate or lag. The share of the roll, a φ, is
+asked for: it is not hedged, and g a φ acts on s as a disturbance.
 
 With a = b = η = 0 and γ_max beyond the actuator's end it is the paper's law.
 
@@ -61,7 +62,8 @@ class RollAwareFxTPPC(AbstractController):
 
     Attributes:
         law: the paper's law.
-        roll_share: a ≥ 0, share of the roll that the mass angle follows.
+        roll_share: a in [0, 1), share of the roll that the mass angle follows. The hull
+            is righted by the rest, 1 − a.
         roll_damping: b ≥ 0, mass angle per roll rate [s].
         largest_angle: γ_max in (0, π/2], where the wanted mass angle ends [rad].
         hedging: η in [0, 1], share of what is not carried out that the integral of the
@@ -72,8 +74,11 @@ class RollAwareFxTPPC(AbstractController):
     """
 
     law: FxTPPC
+    # From 1 on the mass rolls with the hull, and nothing rights it.
     roll_share: Scalar = eqx.field(
-        converter=as_float, default=0.1, metadata={"set": NOT_NEGATIVE}
+        converter=as_float,
+        default=0.1,
+        metadata={"set": Interval(0.0, 1.0, closed_low=True)},
     )
     roll_damping: Scalar = eqx.field(
         converter=as_float, default=1.0, metadata={"unit": "s", "set": NOT_NEGATIVE}
