@@ -1,5 +1,7 @@
 """Intervals that cover what they say, checked against exact laws and by repetition."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -161,13 +163,18 @@ def test_cells_of_the_summary_keep_apart_however_long_they_are():
         members=2000,
         members_asked_for=2000,
         confidence=0.95,
-        controllers={"fxtppc": gains, "fxtppc (tuned)": gains},
+        controllers={
+            "fxtppc": gains,
+            "fxtppc (tuned)": dataclasses.replace(gains, not_flown=3),
+        },
         paired=[],
     )
     lines = text_summary(summary).splitlines()
     cell = "0.0005 [1.266e-05, 0.002783]"
     (row,) = (line for line in lines if line.startswith("did not finish"))
     assert row.split(maxsplit=3)[3] == f"{cell}  {cell}"
+    (remark,) = (line for line in lines if "flew nothing" in line)
+    assert remark.startswith("fxtppc (tuned): 3 members")
     assert not [line for line in lines if line != line.rstrip()]
 
 

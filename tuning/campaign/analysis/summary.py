@@ -55,6 +55,7 @@ class ControllerSummary:
         worst_member: number of the most severe member.
         median_member: number of the member of median severity.
         measures: quantiles and means of each of `MEASURES`, with intervals.
+        not_flown: number of members whose last waypoint is reached where they start.
         rank_correlations: uncertain numbers that drive each output, strongest first.
         sensitivity: Sobol indices and gradients of each output; None where not asked
             for.
@@ -67,6 +68,7 @@ class ControllerSummary:
     worst_member: int
     median_member: int
     measures: dict[str, Any]
+    not_flown: int = 0
     rank_correlations: dict[str, Any] = dataclasses.field(default_factory=dict)
     sensitivity: dict[str, Any] | None = None
 
@@ -143,6 +145,7 @@ def summarise(
             measures={
                 name: spread(table.column(number, name), level) for name in MEASURES
             },
+            not_flown=int(np.sum(table.raw(number, "end_time") == 0.0)),
         )
         for number, (label, kind) in enumerate(zip(table.labels, kinds, strict=True))
     }
@@ -257,6 +260,11 @@ def text_summary(summary: CampaignSummary) -> str:
             f"{label}: worst member {controller.worst_member}, "
             f"median {controller.median_member}"
         )
+        if controller.not_flown:
+            lines.append(
+                f"{label}: {controller.not_flown} members flew nothing, their last "
+                "waypoint is reached where they start: their zeros count above"
+            )
     for entry in summary.requirements:
         lines.append(
             f"{entry['requirement']}: {entry['verdict']} by {entry['controller']} "
