@@ -315,8 +315,17 @@ def test_a_word_that_is_none_is_no_file_either(call, tmp_path):
 
 def test_validate_says_what_would_be_run(call):
     code, out, err = call("validate", "mission.toml")
-    assert (code, err) == (0, "")
+    assert code == 0
+    assert err.count("\n") == 1
+    assert "the paper's (vehicle: SeaWing" in err
     assert out == "mission.toml is valid: bay, fxtppc, 400 ticks of 0.05 s.\n"
+
+
+def test_a_complete_file_is_valid_without_a_word(call, tmp_path):
+    (tmp_path / "whole.toml").write_text(TEMPLATE())
+    code, out, err = call("validate", "whole.toml")
+    assert (code, err) == (0, "")
+    assert "whole.toml is valid" in out
 
 
 def test_a_start_outside_the_funnel_is_a_warning_and_the_run_goes_on(call, tmp_path):
@@ -327,6 +336,7 @@ def test_a_start_outside_the_funnel_is_a_warning_and_the_run_goes_on(call, tmp_p
     code, out, err = call("simulate", "--config", "outside.toml", "--json")
     assert code == 0
     assert err.count("warning") == 1
+    assert "the paper's (vehicle: SeaWing" in err
     assert "warning: the depth error starts at 3, outside its funnel" in err
     assert "the run goes on" in err
     (run,) = json.loads(out)["runs"]
@@ -365,7 +375,7 @@ def test_metrics_have_the_agreed_keys_and_json_is_the_same_object(call, tmp_path
     about = result["provenance"]
     assert (about["seed"], about["precision"], about["partial"]) == (0, 64, False)
     assert set(about["versions"]) >= {"jaxglider", "jax", "python"}
-    assert err.startswith("jaxglider: o: metrics.json, tables.md, trajectories.nc")
+    assert "\njaxglider: o: metrics.json, tables.md, trajectories.nc" in err
     with netCDF4.Dataset(tmp_path / "o" / "trajectories.nc") as file:
         error = file["pitch_error"][0]
         assert list(file["run_name"][:]) == ["bay/printed/fxtppc"]
@@ -474,8 +484,9 @@ def test_running_out_of_memory_is_told_in_one_line(call, monkeypatch):
     monkeypatch.setattr(tuning.cli.commands.simulate, "run_all", full)
     code, out, err = call("simulate", "--config", "mission.toml")
     assert (code, out) == (1, "")
-    assert err.startswith("jaxglider: out of memory: shorten the run")
-    assert err.count("\n") == 1
+    taken, told = err.splitlines()
+    assert "the paper's (vehicle" in taken
+    assert told.startswith("jaxglider: out of memory: shorten the run")
 
 
 def test_tuned_gains_are_written_and_compared_by_their_folder(
@@ -542,7 +553,7 @@ def test_python_m_tuning_runs_a_mission_with_all_it_writes(tmp_path):
     figures = os.listdir(tmp_path / "o" / "figures" / "bay")
     assert "tracking.png" in figures
     assert f"{len(figures)} figures" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    assert len(done.stderr.splitlines()) == 2
     assert os.listdir(tmp_path / "cache" / "jaxglider")
 
 

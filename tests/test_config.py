@@ -564,6 +564,25 @@ def test_a_controller_brings_its_observer(kind, controller, observer):
     assert type(build_mission(table).loop.observer) is not observer
 
 
+def test_what_is_the_papers_for_want_of_a_table_is_said():
+    assert build_mission(PLAIN).stand_ins == ""
+    every = build_mission({}).stand_ins
+    for table in (
+        "vehicle: SeaWing",
+        "reference: ",
+        "controller: FxTPPC",
+        "clock: 800",
+    ):
+        assert table in every
+    one = build_mission({k: v for k, v in PLAIN.items() if k != "clock"}).stand_ins
+    assert "clock" in one
+    assert "vehicle" not in one
+    course = _with_waypoints()
+    assert build_mission(course).stand_ins == ""
+    del course["reference"]["schedule"]
+    assert "reference.schedule" in build_mission(course).stand_ins
+
+
 def test_a_start_inside_the_funnel_is_not_worth_a_warning():
     assert start_warnings(build_mission(PLAIN).loop) == []
     assert start_warnings(build_mission(_with_waypoints()).loop) == []

@@ -46,6 +46,15 @@ TEMPLATE = functools.partial(
 )
 """Call it for the text of a complete, commented mission file."""
 
+_OF_THE_PAPER = {
+    "vehicle": "SeaWing on the printed plant",
+    "reference": "a schedule of four attitudes",
+    "reference.schedule": "gliding angles and depth rates",
+    "controller": "FxTPPC and its gains",
+    "clock": "800 s in ticks of 0.05 s",
+}
+"""What stands in for a table that is left out, from the paper's cases."""
+
 SEEDS = 2**32
 """Seeds are below this: what a key of JAX takes in either precision."""
 
@@ -62,6 +71,8 @@ class Mission:
         model: design model that laws for this mission begin with.
         plant: name of the plant.
         remarks: oddities of a course that can be flown.
+        stand_ins: sentence on what is the paper's because its table is left out; empty
+            where nothing is.
     """
 
     name: str
@@ -71,6 +82,7 @@ class Mission:
     model: DesignModel
     plant: str
     remarks: tuple[str, ...] = ()
+    stand_ins: str = ""
 
     @property
     def controller(self) -> str:
@@ -148,7 +160,18 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     guidance = path.line_of_sight if isinstance(path, WaypointPath) else None
     law = law._replace(observer=observer, guidance=guidance)
     loop, remarks = law.on(scenario), course_remarks(data)
-    return Mission(name, loop, seed, law, model, plant_name, remarks)
+    return Mission(name, loop, seed, law, model, plant_name, remarks, _stand_ins(data))
+
+
+def _stand_ins(data: dict[str, Any]) -> str:
+    """What is the paper's in a mission whose tables have been read, in a sentence."""
+    missing = [name for name in _OF_THE_PAPER if "." not in name and name not in data]
+    if "schedule" not in data.get("reference", {"schedule": None}):
+        missing.append("reference.schedule")
+    if not missing:
+        return ""
+    words = "; ".join(f"{name}: {_OF_THE_PAPER[name]}" for name in missing)
+    return f"tables that the mission leaves out are the paper's ({words})."
 
 
 def paper_case(has_waypoints: bool) -> str:

@@ -23,7 +23,7 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.cli.session.from_options import refuse_beside_mission
 from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import read_files, resolve
-from tuning.reporting.console import Progress, print_result
+from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import OK
 
 
@@ -69,6 +69,8 @@ def _loop(options: argparse.Namespace) -> tuple[ClosedLoop, str, dict[str, Any]]
     if options.config is not None:
         refuse_beside_mission(options)
         mission = load_mission(options.config)
+        if mission.stand_ins:
+            note(mission.stand_ins)
         about = _about(scenario=mission.name, plant=mission.plant)
         title = f"{mission.controller} for {mission.name} on {mission.plant}"
         return mission.loop, title, about

@@ -21,6 +21,8 @@ from tuning.reporting.exit_codes import RUN_FAILED
 def simulate_mission(options: argparse.Namespace) -> int:
     """`jaxglider simulate`: one mission from a file."""
     mission = load_mission(options.config)
+    if mission.stand_ins:
+        note(mission.stand_ins)
     for remark in mission.remarks:
         note(f"warning: {remark}")
     seed = mission.seed if options.seed is None else options.seed

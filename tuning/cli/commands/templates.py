@@ -35,6 +35,8 @@ def init(options: argparse.Namespace) -> int:
 def validate(options: argparse.Namespace) -> int:
     """`jaxglider validate`: whether a mission file can be flown."""
     loaded = mission.load_mission(options.path)
+    if loaded.stand_ins:
+        note(loaded.stand_ins)
     for warning in (*loaded.remarks, *start_warnings(loaded.loop)):
         note(f"warning: {warning}")
     clock = loaded.loop.scenario.clock

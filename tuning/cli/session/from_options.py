@@ -16,6 +16,7 @@ from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import MISSION, PAPER
 from tuning.problem.objective_file import load_cost, read_objective
 from tuning.problem.spec import EnsembleSpec, ProblemSpec
+from tuning.reporting.console import note
 from tuning.search.settings import BlackBoxSettings, DescentSettings
 from tuning.space.coordinates import K1_BELOW_K2
 
@@ -36,7 +37,10 @@ def flight_case(options: argparse.Namespace) -> FlightCase:
     """
     refuse_beside_mission(options)
     if options.config is not None:
-        return FlightCase.of_mission(load_mission(options.config), options.duration)
+        mission = load_mission(options.config)
+        if mission.stand_ins:
+            note(mission.stand_ins)
+        return FlightCase.of_mission(mission, options.duration)
     scenario = options.scenario or "switching"
     plant = options.plant or "rigid-body"
     return FlightCase.of_paper(scenario, plant, options.dt, options.duration)
