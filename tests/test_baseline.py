@@ -10,7 +10,7 @@ import pytest
 
 from jaxglider import Calm, paper
 from tuning.problem.baseline import baseline_metrics, comparable
-from tuning.problem.objective import CHANNELS, UNIT, Objective
+from tuning.problem.objective import CHANNELS, DEFAULT_COST_SCALE, Objective
 from tuning.problem.objective_file import DEFAULT_WEIGHTS
 from tuning.problem.spec import EnsembleSpec, ProblemSpec
 from tuning.search.rescue import is_lost
@@ -76,7 +76,7 @@ def test_edge_and_limit_stand_in_for_next_to_nothing(loop, nominal, channel, not
         return now.rms_error / then.rms_error + now.chattering / then.chattering
 
     own = Objective(start, cost=ratio)
-    assert own.unit() == pytest.approx(2.0)
+    assert own.cost_scale() == pytest.approx(2.0)
     assert float(own(off)) == pytest.approx(1.0 / 3.0)
 
 
@@ -105,8 +105,8 @@ def test_members_that_start_off_a_heading_kept_exactly_are_not_lost(evaluate_jit
         )
         for degrees in (-5.0, 5.0, 10.0)
     ]
-    assert not is_lost(jnp.stack(costs), UNIT)
-    assert float(jnp.max(jnp.stack(costs))) < UNIT
+    assert not is_lost(jnp.stack(costs), DEFAULT_COST_SCALE)
+    assert float(jnp.max(jnp.stack(costs))) < DEFAULT_COST_SCALE
 
 
 def test_without_a_funnel_of_the_scenario_the_laws_own_edges_count(loop, nominal):

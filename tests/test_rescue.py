@@ -7,9 +7,15 @@ import numpy as np
 import pytest
 
 from tuning.problem.aggregates import Mean
-from tuning.problem.lanes import FAILED, losses
-from tuning.problem.objective import UNIT
-from tuning.search.rescue import DRAWS, ENOUGH, GENERATIONS, is_lost, promising_gains
+from tuning.problem.lanes import FAILED_COST, losses
+from tuning.problem.objective import DEFAULT_COST_SCALE
+from tuning.search.rescue import (
+    DRAWS_PER_GENERATION,
+    MOST_GENERATIONS,
+    PROMISING_COST,
+    is_lost,
+    promising_gains,
+)
 
 MEMBERS = 3
 
@@ -19,9 +25,9 @@ def task(loss):
     each = lambda free, member: loss(free) + 0.0 * member
     return SimpleNamespace(
         training=members,
-        cost_scale=UNIT,
+        cost_scale=DEFAULT_COST_SCALE,
         losses_on=lambda members: (
-            lambda rows: losses(each, rows, members, Mean(), UNIT)
+            lambda rows: losses(each, rows, members, Mean(), DEFAULT_COST_SCALE)
         ),
     )
 
@@ -45,20 +51,28 @@ def test_a_start_that_fails_gives_way_to_a_better_one(start):
     """Gains far too high and far too low are both brought back."""
     told = []
     free, spent, said = promising_gains(
-        task(island), jnp.asarray([start, 4.0]), FAILED * UNIT, 0, told.append
+        task(island),
+        jnp.asarray([start, 4.0]),
+        FAILED_COST * DEFAULT_COST_SCALE,
+        0,
+        told.append,
     )
-    assert float(island(free)) < ENOUGH * UNIT
-    assert f"the starting gains lose the glider (objective {FAILED * UNIT:.3g})" in said
+    assert float(island(free)) < PROMISING_COST * DEFAULT_COST_SCALE
+    failed = FAILED_COST * DEFAULT_COST_SCALE
+    assert f"the starting gains lose the glider (objective {failed:.3g})" in said
     assert f"({float(island(free)):.3g})" in said
-    assert f"generation 1/{GENERATIONS}" in told[1]
-    assert len(told) <= GENERATIONS
-    assert spent == MEMBERS * (1 + DRAWS * (len(told) - 1))
+    assert f"generation 1/{MOST_GENERATIONS}" in told[1]
+    assert len(told) <= MOST_GENERATIONS
+    assert spent == MEMBERS * (1 + DRAWS_PER_GENERATION * (len(told) - 1))
 
 
 def test_where_all_fail_it_is_said_and_the_start_kept():
     free, spent, said = promising_gains(
-        task(lambda x: jnp.sum(x) * jnp.nan), jnp.asarray([1.0, 2.0]), FAILED * UNIT, 0
+        task(lambda x: jnp.sum(x) * jnp.nan),
+        jnp.asarray([1.0, 2.0]),
+        FAILED_COST * DEFAULT_COST_SCALE,
+        0,
     )
     np.testing.assert_array_equal(free, [1.0, 2.0])
-    assert f"and so do {DRAWS * GENERATIONS} others" in said
-    assert spent == MEMBERS * (1 + DRAWS * GENERATIONS)
+    assert f"and so do {DRAWS_PER_GENERATION * MOST_GENERATIONS} others" in said
+    assert spent == MEMBERS * (1 + DRAWS_PER_GENERATION * MOST_GENERATIONS)

@@ -12,7 +12,7 @@ from jaxglider.uncertainty.members import with_member
 from jaxglider.uncertainty.quantities import uniform_uncertainty
 from tuning.evaluation.held_out import paired_means
 from tuning.problem.aggregates import CVaR, Mean, SoftWorst, make_aggregate
-from tuning.problem.lanes import FAILED, saturate_cost
+from tuning.problem.lanes import FAILED_COST, saturate_cost
 from tuning.problem.members import (
     SWEEP,
     TEST,
@@ -21,7 +21,7 @@ from tuning.problem.members import (
     nominal_member,
     sample_members,
 )
-from tuning.problem.objective import UNIT, Objective, Weights
+from tuning.problem.objective import DEFAULT_COST_SCALE, Objective, Weights
 from tuning.problem.objective_file import DEFAULT_WEIGHTS, load_cost
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descent import Descent, scattered
@@ -159,13 +159,13 @@ def test_a_cost_of_the_users_own_takes_the_place_of_all_terms(
     start = evaluate_jit(loop, loop.scenario.sea(jax.random.key(0)))
     objective = Objective(start, cost=load_cost(f"{file}:steep"))
     assert float(objective(start)) == pytest.approx(float(start.max_roll))
-    assert objective.unit() == pytest.approx(float(start.max_roll))
+    assert objective.cost_scale() == pytest.approx(float(start.max_roll))
 
 
 @pytest.mark.parametrize(
     ("weights", "unit"),
     [
-        (DEFAULT_WEIGHTS, UNIT),
+        (DEFAULT_WEIGHTS, DEFAULT_COST_SCALE),
         (Weights(tracking=(0.5, 1.0, 6.0), crowding=100.0), 7.5),
         (Weights(tracking=0.0, effort=1.0, chattering=(2.0, 0.0, 0.0), roll=9.0), 5.0),
         (Weights(tracking=0.0, crowding=2.0, saturation=1.0), 9.0),
@@ -173,7 +173,7 @@ def test_a_cost_of_the_users_own_takes_the_place_of_all_terms(
     ],
 )
 def test_the_unit_of_an_objective_is_what_its_first_terms_weigh(weights, unit):
-    assert Objective(None, weights).unit() == pytest.approx(unit)
+    assert Objective(None, weights).cost_scale() == pytest.approx(unit)
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_the_unit_of_an_objective_is_what_its_first_terms_weigh(weights, unit):
 )
 def test_a_cost_without_a_unit_is_refused(cost, message):
     with pytest.raises(ValueError, match=message):
-        Objective(None, cost=cost).unit()
+        Objective(None, cost=cost).cost_scale()
 
 
 @pytest.mark.parametrize(
@@ -250,7 +250,7 @@ def test_a_step_into_nan_is_refused_and_the_next_is_shorter():
     schedule = 0.3 * 0.5 * (1.0 + np.cos(np.pi * np.arange(60) / 60))
     shares = [s.learning_rate for s in steps] / schedule
     for i in refused:
-        assert steps[i].loss == FAILED * UNIT
+        assert steps[i].loss == FAILED_COST * DEFAULT_COST_SCALE
         if i + 1 < len(steps):
             assert shares[i + 1] == pytest.approx(0.5 * shares[i])
     assert all(float(s.current.free[0, 0]) < 2.0 for s in states)

@@ -218,7 +218,7 @@ def observer_root(
 
 
 def _least_rest(gains: tuple[Scalar, ...]) -> Scalar:
-    """What is left for the other terms where b = ½ a₂: see `_newton_root`.
+    """The rest for the other terms where b = ½ a₂: see `_newton_root`.
 
     Of the gains alone, so that a compiler takes it out of the loop over time.
     """

@@ -53,7 +53,7 @@ _OF_THE_PAPER = {
     "controller": "FxTPPC and its gains",
     "clock": "800 s in ticks of 0.05 s",
 }
-"""What stands in for a table that is left out, from the paper's cases."""
+"""The stand-ins for tables that are left out, from the paper's cases."""
 
 SEEDS = 2**32
 """Seeds are below this: what a key of JAX takes in either precision."""
@@ -164,7 +164,7 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
 
 
 def _stand_ins(data: dict[str, Any]) -> str:
-    """What is the paper's in a mission whose tables have been read, in a sentence."""
+    """A sentence on the paper's part in a mission whose tables have been read."""
     missing = [name for name in _OF_THE_PAPER if "." not in name and name not in data]
     if "schedule" not in data.get("reference", {"schedule": None}):
         missing.append("reference.schedule")

@@ -1,4 +1,4 @@
-"""What the terms of an objective are relative to: the nominal run before tuning.
+"""The baseline that an objective is relative to: the nominal run before tuning.
 
 A term over nothing tells nothing. A straight dive keeps its heading to the last bit,
 and members that start a few degrees off it would cost thousands of millions. Where the
@@ -44,7 +44,7 @@ def baseline_metrics(spec: ProblemSpec, loop: ClosedLoop) -> Metrics:
 
     Args:
         spec: description of the problem.
-        loop: its closed loop, in the scenario of the ensemble.
+        loop: closed loop of the problem, in the scenario of the ensemble.
 
     Raises:
         ValueError: it is over before its first tick.

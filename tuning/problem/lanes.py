@@ -12,9 +12,9 @@ from tuning.problem.aggregates import AbstractAggregate
 
 Loss = Callable[[Series, Any], Scalar]
 
-POOR, FAILED = 2.5, 7.5
+POOR_COST, FAILED_COST = 2.5, 7.5
 """Objective from which a run counts by its logarithm, and what a failed one counts, in
-units of what a run like the start costs; see `Objective.unit`."""
+units of what a run like the start costs; see `Objective.cost_scale`."""
 
 
 def losses(
@@ -22,7 +22,7 @@ def losses(
     rows: jax.Array,
     members: Any,
     aggregate: AbstractAggregate,
-    unit: float,
+    cost_scale: float,
     devices: Sequence[jax.Device] | None = None,
 ) -> Series:
     """The objective of each row of free numbers over all members; pure.
@@ -32,10 +32,10 @@ def losses(
         rows: free numbers, one row each.
         members: members on one leading axis.
         aggregate: mean, CVaR or soft worst of the members' objectives.
-        unit: cost of a run like the start.
+        cost_scale: cost of a run like the start.
         devices: devices to spread the lanes over.
     """
-    values = member_losses(loss, rows, members, unit, devices)
+    values = member_losses(loss, rows, members, cost_scale, devices)
     return jax.vmap(aggregate)(values)[0]
 
 
@@ -43,7 +43,7 @@ def member_losses(
     loss: Loss,
     rows: jax.Array,
     members: Any,
-    unit: float,
+    cost_scale: float,
     devices: Sequence[jax.Device] | None = None,
 ) -> jax.Array:
     """The objective of each row on each member, saturated where a run is lost.
@@ -52,7 +52,7 @@ def member_losses(
         loss: loss of free numbers and one member.
         rows: free numbers, one row each.
         members: members on one leading axis.
-        unit: cost of a run like the start.
+        cost_scale: cost of a run like the start.
         devices: devices to spread the lanes over.
     """
     count = member_count(members)
@@ -60,7 +60,7 @@ def member_losses(
     values = map_members(
         lambda lane: loss(*lane), as_lanes(copies, members), devices=devices
     )
-    return saturate_cost(values.reshape(-1, count), unit)
+    return saturate_cost(values.reshape(-1, count), cost_scale)
 
 
 def as_lanes(copies: jax.Array, members: Any) -> tuple[jax.Array, Any]:
@@ -79,14 +79,14 @@ def as_lanes(copies: jax.Array, members: Any) -> tuple[jax.Array, Any]:
     return copies.reshape(-1, copies.shape[2]), jax.tree.map(spread, members)
 
 
-def saturate_cost(values: jax.Array, unit: float) -> jax.Array:
+def saturate_cost(values: jax.Array, cost_scale: float) -> jax.Array:
     """The objectives as they count: J, above a poor one's J₀ only J₀ (1 + log(J/J₀)).
 
     At most what a failed run counts, 3 J₀. A run that is lost may come to thousands, or
     to nothing finite: one must not drown the others, but the less lost of two must
     still count less.
     """
-    poor, failed = POOR * unit, FAILED * unit
+    poor, failed = POOR_COST * cost_scale, FAILED_COST * cost_scale
     beyond = poor * (1.0 + jnp.log(jnp.maximum(values, poor) / poor))
     value = jnp.minimum(jnp.where(values > poor, beyond, values), failed)
     return jnp.where(jnp.isfinite(values), value, failed)

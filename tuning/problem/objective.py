@@ -19,7 +19,7 @@ from jaxglider.core.containers import Scalar
 from jaxglider.signals import CHANNELS
 from jaxglider.simulation.metrics import Metrics
 
-UNIT = 7.5
+DEFAULT_COST_SCALE = 7.5
 """Cost of a run that tracks like the start, with the default weights."""
 Cost = Callable[[Metrics, Metrics], Scalar]
 
@@ -90,19 +90,19 @@ class Objective(eqx.Module):
     """The cost of one rollout.
 
     Attributes:
-        start: metrics with the starting gains, what the terms are relative to.
+        baseline: metrics of the nominal run at the start, which terms are relative to.
         weights: weights of the terms.
         cost: cost function of the user's own, taken instead; see `load_cost`.
     """
 
-    start: Metrics
+    baseline: Metrics
     weights: Weights = eqx.field(static=True, default=Weights())
     cost: Cost | None = eqx.field(static=True, default=None)
 
     def __call__(self, metrics: Metrics) -> Scalar:
         """The weighted sum of the terms, or the user's own cost."""
         if self.cost is not None:
-            return self.cost(metrics, self.start)
+            return self.cost(metrics, self.baseline)
         total = self.weights.roll * self.roll_excess(metrics)
         for name, values in self.terms(metrics).items():
             for weight, value in zip(
@@ -111,7 +111,7 @@ class Objective(eqx.Module):
                 total = total + weight * value
         return total
 
-    def unit(self) -> float:
+    def cost_scale(self) -> float:
         """Cost of a run like the start: the scale of poor and of failed ones.
 
         The weights of tracking together, or, where there are none, those of the next
@@ -122,7 +122,7 @@ class Objective(eqx.Module):
         """
         if self.cost is not None:
             try:
-                value = float(self.cost(self.start, self.start))
+                value = float(self.cost(self.baseline, self.baseline))
             except TypeError as error:
                 raise ValueError(f"--cost must give one number: {error}") from error
             if not 0.0 < value < float("inf"):
@@ -157,5 +157,5 @@ class Objective(eqx.Module):
         if not relative:
             return tuple(value(metrics, c) for c in CHANNELS)
         return tuple(
-            value(metrics, c) / (value(self.start, c) + 1e-12) for c in CHANNELS
+            value(metrics, c) / (value(self.baseline, c) + 1e-12) for c in CHANNELS
         )

@@ -17,8 +17,8 @@ def load_cost(where: str) -> Cost:
 
     It is called with the metrics of a run and those of the starting gains on the
     nominal case, and must be differentiable by JAX. What it gives for the latter tells
-    what is much: see `Objective.unit`. So that both may be divided by, the latter are
-    never next to nothing: see `baseline.comparable`.
+    what is much: see `Objective.cost_scale`. So that both may be divided by, the latter
+    are never next to nothing: see `baseline.comparable`.
 
     Raises:
         ValueError: there is no such file or function.

@@ -41,7 +41,7 @@ class TuningProblem:
         training: members to descend on.
         validation: members to choose by.
         test: members for the verdict alone.
-        cost_scale: cost of a run like the start; see `Objective.unit`.
+        cost_scale: cost of a run like the start; see `Objective.cost_scale`.
     """
 
     spec: ProblemSpec
@@ -79,7 +79,7 @@ class TuningProblem:
             training=draw(TRAINING, ensemble.training),
             validation=draw(VALIDATION, ensemble.validation),
             test=draw(TEST, ensemble.test),
-            cost_scale=objective.unit(),
+            cost_scale=objective.cost_scale(),
         )
 
     def loss(self, free: Any, member: Member) -> Any:

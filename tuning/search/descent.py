@@ -30,14 +30,14 @@ from jaxglider.core.containers import Series
 from jaxglider.core.differentiation import value_and_gradient
 from tuning.problem.aggregates import MEAN, AbstractAggregate
 from tuning.problem.lanes import (
-    FAILED,
+    FAILED_COST,
     Loss,
     as_lanes,
     member_count,
     member_losses,
     saturate_cost,
 )
-from tuning.problem.objective import UNIT
+from tuning.problem.objective import DEFAULT_COST_SCALE
 from tuning.search.settings import (
     DescentSettings,
     Point,
@@ -89,7 +89,7 @@ class Descent:
         aggregate: AbstractAggregate = MEAN,
         *,
         surrogate_loss: Loss | None = None,
-        cost_scale: float = UNIT,
+        cost_scale: float = DEFAULT_COST_SCALE,
         devices: Sequence[jax.Device] | None = None,
     ) -> None:
         """Prepare.
@@ -151,7 +151,7 @@ class Descent:
         Raises:
             FloatingPointError: the objective is not finite at any of the starts.
         """
-        if not np.any(np.asarray(state.best.loss) < FAILED * self._cost_scale):
+        if not np.any(np.asarray(state.best.loss) < FAILED_COST * self._cost_scale):
             raise FloatingPointError(
                 "the objective is not finite at the starting gains, for no member; "
                 "start from gains that complete the run (--gains), or scatter several "

@@ -14,13 +14,13 @@ from tuning.problem.lanes import member_count
 from tuning.problem.problem import TuningProblem
 from tuning.search.evolution import cma_es
 
-LOST = 2.0
+LOST_COST = 2.0
 """Objective from which a start is exchanged, in units of what a run like it costs on
 the nominal case; the paper's gains, where they fly, come to 1.5."""
-GENERATIONS, DRAWS, SPREAD = 12, 64, 0.5
+MOST_GENERATIONS, DRAWS_PER_GENERATION, SPREAD = 12, 64, 0.5
 """Largest number of generations of the search, draws of a generation, and spread of
 the draws in the logarithm of a gain."""
-ENOUGH = 1.25
+PROMISING_COST = 1.25
 """Objective, in the same units, with which the search ends early: few runs, if any, are
 lost."""
 
@@ -41,7 +41,7 @@ class SearchResult(NamedTuple):
 
 def is_lost(objectives: Series, cost_scale: float) -> bool:
     """Whether no start is worth a descent, by the objective of each."""
-    return bool(jnp.min(objectives) >= LOST * cost_scale)
+    return bool(jnp.min(objectives) >= LOST_COST * cost_scale)
 
 
 def promising_gains(
@@ -64,18 +64,25 @@ def promising_gains(
     """
     run = problem.losses_on(problem.training)
     members = member_count(problem.training)
-    budget = (1 + DRAWS * GENERATIONS) * members
+    budget = (1 + DRAWS_PER_GENERATION * MOST_GENERATIONS) * members
     generations = []
     search = cma_es(
-        run, free, budget, DRAWS, SPREAD, seed, members=members, known=objective
+        run,
+        free,
+        budget,
+        DRAWS_PER_GENERATION,
+        SPREAD,
+        seed,
+        members=members,
+        known=objective,
     )
     for step in search:
         generations.append(step)
         tell(
             f"the starting gains lose the glider; searching: generation "
-            f"{step.number}/{GENERATIONS}  objective {step.loss:.3g}"
+            f"{step.number}/{MOST_GENERATIONS}  objective {step.loss:.3g}"
         )
-        if step.loss < ENOUGH * problem.cost_scale:
+        if step.loss < PROMISING_COST * problem.cost_scale:
             break
     given, best = generations[0].loss, min(generations, key=lambda step: step.loss)
     spent = generations[-1].rollouts
@@ -84,7 +91,8 @@ def promising_gains(
             free,
             spent,
             f"the starting gains lose the glider (objective {given:.3g}), and so do "
-            f"{DRAWS * GENERATIONS} others around them; descending all the same.",
+            f"{DRAWS_PER_GENERATION * MOST_GENERATIONS} others around them; descending "
+            "all the same.",
         )
     return SearchResult(
         best.free,
