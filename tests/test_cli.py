@@ -512,6 +512,7 @@ def test_tuned_gains_are_written_and_compared_by_their_folder(
     code, out, err = call(
         *("compare", "--scenario", "switching", "--controllers", "smc", "--json"),
         *("--gains", "a/gains.toml", "b/gains.toml", "a/gains.toml", "--out", "o"),
+        *("--dt", "0.4"),
     )
     assert code == 0, err
     runs = json.loads(out)["runs"]

@@ -475,7 +475,7 @@ def test_paired_intervals_cover_the_truth_as_often_as_they_say():
 def test_tuning_the_paper_case_halves_the_objective(evaluate_jit):
     """The sum of the three relative errors goes from 3 to 1.5 or less in 15 steps."""
     # The first of its four segments.
-    loop = paper.make_loop("switching", "printed", duration=200.0)
+    loop = paper.make_loop("switching", "printed", duration=200.0, dt=0.2)
     sea = loop.scenario.sea(jax.random.key(0))
     objective = Objective(evaluate_jit(loop, sea))
     space = Space.of(loop, K1_AND_K2, ())
