@@ -58,8 +58,8 @@ MUTATIONS = [
         "jaxglider/control/performance.py",
         (
             "performance: final bound dropped",
-            "live(value) + function.final_bound",
-            "live(value)",
+            "live.value + function.final_bound",
+            "live.value",
             "test_performance.py",
         ),
         (
@@ -70,8 +70,8 @@ MUTATIONS = [
         ),
         (
             "performance: sign in P' of exp",
-            "(-1.0 / duration - height * z1)",
-            "(1.0 / duration - height * z1)",
+            "(-1.0 / duration - height * z.rate)",
+            "(1.0 / duration - height * z.rate)",
             "test_performance.py",
         ),
     ),
@@ -235,8 +235,8 @@ MUTATIONS = [
         ),
         (
             "hydrodynamics: roll damped by the pitch rate",
-            "c.roll_damping * p * uu",
-            "c.roll_damping * q * uu",
+            "c.roll_damping * p * squared",
+            "c.roll_damping * q * squared",
             "test_physics.py",
         ),
         (
@@ -282,13 +282,16 @@ MUTATIONS = [
     *_in(
         "jaxglider/simulation/closed_loop.py",
         (
-            "closed loop: observer told what was wanted",
-            "carry.observer, measurement, applied, observed, dt",
-            "carry.observer, measurement, wanted, observed, dt",
+            "closed loop: observer told the command before",
+            "carry.observer, measurement, applied, observed, self",
+            "carry.observer, measurement, carry.held, observed, self",
             "test_rollout.py test_reproduction.py",
         ),
+    ),
+    *_in(
+        "jaxglider/simulation/motion.py",
         (
-            "closed loop: force frozen within a substep",
+            "motion: force frozen within a substep",
             "share = (number + node) / substeps",
             "share = number / substeps + 0.0 * node",
             "test_rollout.py",
@@ -444,9 +447,9 @@ MUTATIONS = [
             "test_space.py",
         ),
         (
-            "bijections: sign in the inverse of Below",
-            "np.log(share) - np.log1p(-share)",
-            "np.log(share) + np.log1p(-share)",
+            "bijections: sign of the margin in the inverse of Below",
+            "share = gain / (edge * (1.0 - MARGIN))",
+            "share = gain / (edge * (1.0 + MARGIN))",
             "test_space.py",
         ),
         (
@@ -464,10 +467,13 @@ MUTATIONS = [
             "return over",
             "test_tuning.py",
         ),
+    ),
+    *_in(
+        "tuning/problem/aggregates.py",
         (
-            "objective: softmax without its sharpness in the value",
-            "jnp.log(count)) / self.sharpness",
-            "jnp.log(count))",
+            "aggregates: mean forgotten in log-mean-exp",
+            "jax.nn.logsumexp(scaled) - jnp.log(costs.shape[0])",
+            "jax.nn.logsumexp(scaled)",
             "test_tuning.py",
         ),
     ),

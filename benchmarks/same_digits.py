@@ -2,11 +2,11 @@
 
     python benchmarks/same_digits.py             # runs both commands, some minutes
     python benchmarks/same_digits.py --folder D  # reads D/compare and D/tune instead
-    python benchmarks/same_digits.py --record    # writes the new record
+    python benchmarks/same_digits.py --record    # keeps what is found as the record
 
-Compares every number of `metrics.json` of `compare --scenario all` and every tuned
-gain of `tune --steps 3` with those in same_digits.json and prints the largest
-relative differences. Exit code 1 where one is above the limit. They hold for the
+Compares every number of `metrics.json` of `compare --scenario all` and every gain
+before and after `tune --steps 3` with those in same_digits.json and prints the largest
+relative differences. Exit code 1 where one is above the limit. The figures hold for the
 processor and the versions named in that file: another one rounds differently, and a
 long run on the edge of a funnel makes more of that.
 """

@@ -1,9 +1,9 @@
-"""Metrics of three short runs, digit by digit as before the folders became layers.
+"""Metrics of three short runs, digit by digit as they were at an earlier commit.
 
-Recorded at commit 29b02a7 on an AMD EPYC (AVX-512) with jax 0.10.2. There, AVX2 in
-place of AVX-512, no optimisation in place of all, and no fast loops each changed a
-number by less than 5e-15 of itself. A change of a formula moves them by far more than
-is allowed here; where that is meant, record them anew and say so.
+Recorded at 29b02a7 on an AMD EPYC (AVX-512) with jax 0.10.2. There, AVX2 in place of
+AVX-512, no optimisation in place of all, and no fast loops each changed a number by
+less than 5e-15 of itself. A change of a formula moves them by far more than is allowed
+here; where that is meant, record them anew and say so.
 """
 
 import jax
