@@ -13,6 +13,7 @@ from test_metrics import DURATION, LOOPS
 from test_physics import MatrixGlider, array
 
 from jaxglider import Clock, GaussMarkov, paper
+from jaxglider.control.observer import NoObserver
 from jaxglider.core.containers import as_float
 from jaxglider.environment.water import Current, Stratification, Water
 from jaxglider.signals import BodyAxes, GliderState
@@ -315,3 +316,25 @@ def test_every_physical_term_is_named_in_the_compiler_s_input():
         "judgement",
         "metrics",
     }
+
+
+class Listening(NoObserver):
+    """Its estimate is what it was told last: command, true speed and depth, tick."""
+
+    def step(self, observer_state, measurement, applied, following, dt):
+        told = (*vars(applied).values(), measurement.state.surge, following.depth, dt)
+        return BodyAxes(*told)
+
+
+def test_the_observer_is_told_the_command_held_in_the_tick_and_the_state_after_it():
+    loop = paper.make_loop("switching", controller="smc", duration=1.0)
+    weak = jax.tree.map(lambda limit: 0.01 * limit, loop.scenario.actuators)
+    scenario = dataclasses.replace(loop.scenario, actuators=weak)
+    loop = dataclasses.replace(loop, scenario=scenario, observer=Listening())
+    given = jax.tree.map(lambda x: x[3], loop.inputs(loop.scenario.sea(jr.key(0))))
+    before = loop.init()
+    after, record = loop.tick(before, given)
+    assert not np.allclose(leaves(record.applied), leaves(record.wanted))
+    applied = vars(record.applied).values()
+    wanted = (*applied, before.state.surge, after.state.depth, scenario.clock.dt)
+    np.testing.assert_array_equal(leaves(after.observer), leaves(wanted))
