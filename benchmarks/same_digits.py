@@ -25,6 +25,8 @@ COMMANDS = {
     "tune": ("tune", "--steps", "3"),
 }
 LIMIT = 1e-12
+SHOWN = 20
+"""How many numbers are printed, the farthest apart."""
 
 
 def main() -> int:
@@ -33,7 +35,6 @@ def main() -> int:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--folder", type=Path, help="results of both commands, if run")
     parser.add_argument("--record", action="store_true", help="write a new record")
-    parser.add_argument("--limit", type=float, default=LIMIT, help="largest difference")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="same-digits-") as folder:
         results = options.folder or _run(Path(folder))
@@ -45,7 +46,7 @@ def main() -> int:
     for name, about in (("recorded", recorded["about"]), ("present", present["about"])):
         print(f"{name}: {json.dumps(about)}")
     worst = [_compare(name, recorded[name], present[name]) for name in COMMANDS]
-    return 0 if max(worst) <= options.limit else 1
+    return 0 if max(worst) <= LIMIT else 1
 
 
 def _run(folder: Path) -> Path:
@@ -93,9 +94,13 @@ def _compare(name: str, recorded: dict[str, float], present: dict[str, float]) -
     if missing:
         print(f"{name}: {len(missing)} numbers are missing, such as {missing[0]}")
         return float("inf")
-    worst, path = max((_off(present[p], recorded[p]), p) for p in recorded)
-    print(f"{name}: {len(recorded)} numbers, at most {worst:.1e} apart ({path})")
-    return worst
+    off = {path: _off(present[path], recorded[path]) for path in recorded}
+    apart = sorted((path for path in off if off[path] > LIMIT), key=off.get)
+    print(f"{name}: {len(off)} numbers, at most {max(off.values()):.1e} apart")
+    print(f"  {len(apart)} of them by more than {LIMIT:.0e}{':' if apart else ''}")
+    for path in reversed(apart[-SHOWN:]):
+        print(f"  {off[path]:.1e} {path}: {recorded[path]!r} was recorded")
+    return max(off.values())
 
 
 def _off(found: float, wanted: float) -> float:
