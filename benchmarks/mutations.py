@@ -285,7 +285,7 @@ MUTATIONS = [
             "closed loop: observer told the command before",
             "carry.observer, measurement, applied, observed, self",
             "carry.observer, measurement, carry.held, observed, self",
-            "test_rollout.py test_reproduction.py",
+            "test_rollout.py",
         ),
     ),
     *_in(
