@@ -4,8 +4,12 @@ import re
 
 import pytest
 from test_architecture import ROOMS
-from test_readme import ROOT, assert_parses, blocks, commands, run_blocks
+from test_readme import README, ROOT, assert_parses, blocks, commands, run_blocks
 from test_readme import quick as quick
+
+from jaxglider.files.results import _STATE
+from tuning.campaign.analysis.requirements import PROBABILITIES, STATISTICS
+from tuning.campaign.analysis.summary import MEASURES
 
 DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.glob("*.md"))
@@ -20,6 +24,17 @@ MADE_BY_RECIPES = (
     "tuning/cli/options/sea.py",
 )
 """How what a reader of the recipes makes begins; it is not there yet."""
+
+
+SHOWN = {
+    **{path: "examples" for path in (DOCS / "examples").glob("*.py")},
+    DOCS / "examples" / "proportional.py": "library",
+    **{
+        path: "mission"
+        for path in (ROOT / "jaxglider" / "files" / "templates").glob("*.toml")
+    },
+}
+"""Files that stand whole in a page: includes are not shown where it is not built."""
 
 
 def page_id(path):
@@ -53,6 +68,41 @@ def test_every_command_named_parses(path):
     for text in commands(path.read_text()):
         if not text.startswith(MADE_BY_RECIPES):
             assert_parses(text)
+
+
+@pytest.mark.parametrize("path", SHOWN, ids=page_id)
+def test_a_file_that_a_page_shows_stands_there_letter_by_letter(path):
+    page = DOCS / f"{SHOWN[path]}.md"
+    language = {".py": " { .python }", ".toml": "toml"}[path.suffix]
+    assert f"```{language}\n{path.read_text()}```\n" in page.read_text(), (
+        f"copy {path.relative_to(ROOT)} to {page.relative_to(ROOT)}"
+    )
+
+
+def test_the_architecture_page_has_the_list_of_folders_of_the_readme():
+    rows = re.findall(r"^\| `(?:jaxglider|tuning)/.* \|$", README, re.MULTILINE)
+    assert len(rows) > 20
+    assert "\n".join(rows) in (DOCS / "architecture.md").read_text()
+
+
+def test_the_library_page_lists_every_field_of_the_state():
+    page = (DOCS / "library.md").read_text()
+    rows = re.findall(r"^\| `(\w+)` \| .+ \| ([\w/]+) \| .+ \|$", page, re.MULTILINE)
+    written = {name: unit.replace(" s-1", "/s") for name, (unit, _) in _STATE.items()}
+    assert rows == list(written.items())
+
+
+def test_the_pages_name_all_that_can_be_required():
+    page = (DOCS / "robustness.md").read_text()
+    named = set(re.findall(r"`([\w.]+)`", page.partition("## What can be required")[2]))
+    assert named >= {*PROBABILITIES, *STATISTICS, "pitch", "heading"}
+    measures = [x for x in MEASURES if not x.startswith(("pitch.", "heading."))]
+    assert named >= set(measures)
+
+
+def test_no_page_includes_a_file():
+    for path in PAGES:
+        assert "--8<--" not in path.read_text(), path
 
 
 def test_the_pages_name_every_command():

@@ -22,13 +22,7 @@ MOST_LINES = 130
 
 
 def blocks(text, language):
-    """The code blocks of a page, files that it includes put in their places."""
-    text = re.sub(
-        r'^--8<-- "(docs/.*\.py)"$',
-        lambda match: (ROOT / match[1]).read_text(),
-        text,
-        flags=re.MULTILINE,
-    )
+    """The code blocks of a page."""
     opening = rf"^```(?:{language}| {{ \.{language} }})\n"
     return re.findall(rf"{opening}(.*?)^```", text, re.DOTALL | re.MULTILINE)
 
