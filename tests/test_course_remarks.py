@@ -41,6 +41,19 @@ def test_degrees_and_minutes_of_a_goto_file_are_remarked_on(north, east):
     assert f"({north[0]:g}"[:5] in remark
 
 
+DECIMAL = [([41.3912], [-70.2057]), ([47.12345, 47.2001], [-88.54321, -88.6123])]
+
+
+@pytest.mark.parametrize(("north", "east"), DECIMAL)
+def test_decimal_degrees_are_remarked_on(north, east):
+    (remark,) = course_remarks(told(north, east))
+    assert "look like decimal degrees" in remark
+
+
+def test_metres_to_the_centimetre_are_no_decimal_degrees():
+    assert course_remarks(told([41.39, 60.5], [-70.2, 12.25])) == ()
+
+
 def test_courses_in_metres_are_not_taken_for_degrees_and_minutes():
     rng = np.random.default_rng(0)
     wrong = 0

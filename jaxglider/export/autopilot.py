@@ -209,8 +209,10 @@ def _status_text(pilot: Autopilot) -> str:
         "/* Bits of the status word. */",
         "enum {",
     ]
+    last = list(BITS)[-1]
     for name, bit in BITS.items():
-        lines.append(f"    GLIDER_{name.upper()} = {bit}, /* {STATUS[name]} */")
+        comma = "" if name == last else ","
+        lines.append(f"    GLIDER_{name.upper()} = {bit}{comma} /* {STATUS[name]} */")
     return "\n".join(lines).rstrip() + "\n};\n"
 
 

@@ -28,6 +28,12 @@ def course_remarks(data: dict[str, Any]) -> tuple[str, ...]:
             "minutes (DDMM.mmm, as in a goto file), and are taken as metres: convert "
             "them to metres north and east of a point of your own."
         )
+    elif _like_decimal_degrees(north, east):
+        remarks.append(
+            f"waypoints as ({north[0]:.10g}, {east[0]:.10g}) look like decimal "
+            "degrees, and are taken as metres: convert them to metres north and east "
+            "of a point of your own."
+        )
     elif away > FASTEST * duration:
         remarks.append(
             f"the first waypoint is {away:.4g} m away, too far for {duration:g} s: "
@@ -53,6 +59,16 @@ def _beside_the_leg(path: dict[str, Any], place: tuple[float, float]) -> list[st
         f"reference.waypoints start_north_m = {place[0]:.10g} and start_east_m = "
         f"{place[1]:.10g}."
     ]
+
+
+def _like_decimal_degrees(north: list[float], east: list[float]) -> bool:
+    """Whether all are latitudes and longitudes given to four decimals or more.
+
+    A tenth of a millimetre is no place that anybody means in metres.
+    """
+    fine = all(abs(x - round(x, 3)) > 1e-9 for x in (*north, *east))
+    ranges = max(map(abs, north)) <= 90.0 and max(map(abs, east)) <= 180.0
+    return fine and ranges
 
 
 def _like_degrees_and_minutes(north: list[float], east: list[float]) -> bool:
