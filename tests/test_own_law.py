@@ -14,7 +14,8 @@ from jaxglider import paper
 from jaxglider.control.observer import FixedTimeObserver
 from jaxglider.core.toml import ConfigError
 from jaxglider.files.codec import encode
-from jaxglider.files.gains import load_gains
+from jaxglider.files.gains import encode_law, load_gains
+from jaxglider.files.law_paths import is_same_law, seen_from
 from jaxglider.files.mission import build_mission, load_mission, self_contained
 from jaxglider.files.user_law import first_gains, law_entry
 from jaxglider.paper.cases import design_model, make_scenario
@@ -95,8 +96,9 @@ def test_it_is_tuned_and_its_gains_go_everywhere(call, own, tmp_path):
     assert set(result["gains"]) == {
         f"controller.{name}" for name in ("depth", "pitch", "heading", "lead", "trim")
     }
+    # The path is from the file's own folder, so that it loads from any other.
     tables = tomllib.loads((tmp_path / "t" / "gains.toml").read_text())
-    assert tables["controller"]["type"] == OWN
+    assert tables["controller"]["type"] == f"../{OWN}"
     tuned = load_gains("t/gains.toml", "switching", MODEL).controller
     for name, gain in result["gains"].items():
         assert float(getattr(tuned, name.rpartition(".")[2])) == gain["after"]
@@ -135,7 +137,7 @@ def test_it_is_exported_and_the_c_agrees_with_it(call, tmp_path):
     )
     assert code == 0, err
     tables = tomllib.loads((tmp_path / "c" / "gains.toml").read_text())
-    assert tables["controller"]["type"] == OWN
+    assert tables["controller"]["type"] == f"../{OWN}"
     done = subprocess.run(
         ["make", "-C", "c", "check"], capture_output=True, text=True, check=False
     )
@@ -227,3 +229,51 @@ def test_a_class_that_no_file_holds_cannot_be_written():
     lost = namespace["Lost"]()
     with pytest.raises(ConfigError, match="has no name in smc, ppc"):
         encode(lost)
+
+
+def test_gains_of_it_load_from_any_folder(own, tmp_path, monkeypatch):
+    law = first_gains(OWN, "switching", MODEL)
+    loop = law.on(make_scenario())
+    (tmp_path / "deep" / "t").mkdir(parents=True)
+    (tmp_path / "else").mkdir()
+    file = tmp_path / "deep" / "t" / "gains.toml"
+    file.write_text(tomli_w.dumps(encode_law(loop, file.parent)))
+    assert 'type = "../../own.py:Steered"' in file.read_text()
+    for folder in ("else", "deep", "deep/t", "."):
+        monkeypatch.chdir(tmp_path / folder)
+        kind = load_gains(file, "switching", MODEL).kind
+        assert Path(kind.rpartition(":")[0]).samefile(own)
+        assert is_same_law(kind, f"{own}:Steered")
+    # Beside the file first, then in the working folder.
+    shutil.copy(own, tmp_path / "else" / "mine.py")
+    file.write_text(file.read_text().replace("../../own.py", "mine.py"))
+    monkeypatch.chdir(tmp_path / "else")
+    assert load_gains(file, "switching", MODEL).kind == "mine.py:Steered"
+    shutil.copy(own, file.with_name("mine.py"))
+    assert Path(load_gains(file, "switching", MODEL).kind[:-8]).parent == file.parent
+
+
+def test_a_law_on_no_common_root_is_named_by_its_whole_path(own):
+    assert seen_from("/", str(own) + ":Steered") == f"{own.resolve()}:Steered"
+    assert seen_from("anywhere", "smc") == "smc"
+
+
+@pytest.mark.parametrize("command", ["export", "sweep", "tune", "check-gradients"])
+def test_gains_whose_law_is_gone_say_both_places_looked_at(call, own, command):
+    (own.parent / "tl").mkdir()
+    tables = {"controller": {"type": "my_law.py:Leaky"}}
+    (own.parent / "tl" / "gains.toml").write_text(tomli_w.dumps(tables))
+    code, _, err = call(command, "--gains", "tl/gains.toml")
+    assert code == 2
+    assert "tl/gains.toml: controller.type is 'my_law.py:Leaky'" in err
+    assert f"{own.parent}/tl/my_law.py and {own.parent}/my_law.py. Put" in err
+
+
+def test_a_key_that_is_nearly_type_is_told_so():
+    for key, near in (("typ", "type"), ("gain_file", "gains_file")):
+        with pytest.raises(ConfigError, match=f"{key}; did you mean {near}[?]"):
+            build_mission({"controller": {key: "smc"}})
+    with pytest.raises(ConfigError, match=r"observer\.tipe; did you mean type"):
+        build_mission({"observer": {"tipe": "none"}})
+    with pytest.raises(ConfigError, match=r"r\.xyz; choose from gains_file, type"):
+        build_mission({"controller": {"xyz": 1}})

@@ -1,7 +1,7 @@
 """Modules to nested tables of plain numbers and back."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -60,7 +60,12 @@ def encode(thing: eqx.Module, channel: str = "") -> dict[str, Any]:
 
 
 def decode(
-    template: Any, table: Any, path: str, channel: str = "", wanted: Any = object
+    template: Any,
+    table: Any,
+    path: str,
+    channel: str = "",
+    wanted: Any = object,
+    beside: Sequence[str] = (),
 ) -> Any:
     """A copy of the template with the numbers of a table.
 
@@ -71,6 +76,7 @@ def decode(
         path: path of the table in its file, for messages.
         channel: name of the enclosing channel.
         wanted: type of the field it is for; a `type` of another kind is refused.
+        beside: names of keys that the table may have, read before; for messages.
 
     Raises:
         ConfigError: unknown key, wrong type, or a value the class refuses.
@@ -107,7 +113,8 @@ def decode(
             values[field.name] = whole_number(value, where)
         else:
             values[field.name] = number(value, where)
-    allowed = [
+    allowed = [*beside, *(["type"] if family else [])]
+    allowed += [
         _key(field, channel)
         for field in dataclasses.fields(kind)
         if not isinstance(getattr(template, field.name, None), DesignModel)

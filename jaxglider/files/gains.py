@@ -14,18 +14,29 @@ from jaxglider.control.catalogue import OBSERVERS
 from jaxglider.control.observer import AbstractObserver
 from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode, encode
-from jaxglider.files.user_law import first_gains, is_own, source_of
+from jaxglider.files.law_paths import found_from, is_own, seen_from
+from jaxglider.files.user_law import first_gains, source_of
 from jaxglider.guidance import LineOfSight, WaypointPath
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.gains import LoadedGains as LoadedGains
 from jaxglider.vehicle.design_model import DesignModel
 
 
-def encode_law(loop: ClosedLoop) -> dict[str, Any]:
-    """Gains of a closed loop as the tables of a gains file."""
+def encode_law(loop: ClosedLoop, folder: str | Path | None = None) -> dict[str, Any]:
+    """Gains of a closed loop as the tables of a gains file.
+
+    Args:
+        loop: closed loop to take the gains of.
+        folder: folder that the file is for; a law of one's own is named by its path
+            from there. By default its path stays as it is spelt.
+    """
     path = loop.scenario.reference
     guidance = path.line_of_sight if isinstance(path, WaypointPath) else None
-    return encode_gains(loop.controller, loop.observer, guidance)
+    tables = encode_gains(loop.controller, loop.observer, guidance)
+    if folder is not None:
+        controller = tables["controller"]
+        controller["type"] = seen_from(folder, controller["type"])
+    return tables
 
 
 def encode_gains(
@@ -70,13 +81,17 @@ def read_gains(path: str | Path) -> dict[str, Any]:
     """The tables of a gains file, a law of one's own in them found.
 
     Raises:
-        ConfigError: it cannot be read.
+        ConfigError: it cannot be read, or the law's file is not there.
     """
     tables = read_toml(path)
     controller = tables.get("controller")
     if not isinstance(controller, dict):
         return tables
-    return tables | {"controller": with_law_found(controller, Path(path).parent)}
+    try:
+        controller = with_law_found(controller, Path(path).parent)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    return tables | {"controller": controller}
 
 
 def with_law_found(controller: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -87,14 +102,14 @@ def with_law_found(controller: dict[str, Any], folder: Path) -> dict[str, Any]:
     Args:
         controller: table to look into.
         folder: folder of the file that the table is from.
+
+    Raises:
+        ConfigError: it is in neither.
     """
     kind = controller.get("type")
     if not is_own(kind):
         return controller
-    beside = folder / str(kind).rpartition(":")[0]
-    if not beside.is_file():
-        return controller
-    return controller | {"type": f"{beside}:{str(kind).rpartition(':')[2]}"}
+    return controller | {"type": found_from(folder, str(kind))}
 
 
 def with_law_inside(tables: dict[str, Any]) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from jaxglider.files.gains import (
     with_law_found,
     with_law_inside,
 )
+from jaxglider.files.law_paths import is_same_law, short_name
 from jaxglider.files.mission_tables import (
     read_actuators,
     read_clock,
@@ -33,7 +34,7 @@ from jaxglider.files.mission_tables import (
     read_vehicle,
     read_water,
 )
-from jaxglider.files.user_law import first_gains, short_name
+from jaxglider.files.user_law import first_gains
 from jaxglider.guidance import WaypointPath
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.gains import LoadedGains
@@ -220,12 +221,15 @@ def _law(
     else:
         law, file = _filed_law(table, source, (case, model, funnel), folder)
         kind, _ = kind_of(table, law.kind)
-        if kind != law.kind:
+        if not is_same_law(kind, law.kind):
             raise ConfigError(
                 f"controller.type must be {law.kind!r}, the kind that {file} holds; "
                 f"received {kind!r}. Change one of the two."
             )
-    return law._replace(controller=decode(law.controller, table.rest(), "controller"))
+    controller = decode(
+        law.controller, table.rest(), "controller", beside=("gains_file",)
+    )
+    return law._replace(controller=controller)
 
 
 def _filed_law(

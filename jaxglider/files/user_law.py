@@ -24,6 +24,7 @@ from jaxglider.control.catalogue import BY_NAME, LawEntry
 from jaxglider.control.controller import AbstractController, ControlRecord
 from jaxglider.control.funnel import Funnel
 from jaxglider.core.toml import ConfigError
+from jaxglider.files.law_paths import is_own, short_name
 from jaxglider.signals import (
     BodyAxes,
     Channels,
@@ -39,19 +40,9 @@ from jaxglider.vehicle.design_model import DesignModel
 _PREFIX = "_jaxglider_user_"
 
 
-def is_own(kind: Any) -> bool:
-    """Whether a law is named as FILE.py:ClassName, and not by a word."""
-    return isinstance(kind, str) and kind.rpartition(":")[0].endswith(".py")
-
-
 def label_of(kind: str) -> str:
     """Name of a law for tables: of the catalogue, or of the class."""
     return BY_NAME[kind].label if kind in BY_NAME else short_name(kind)
-
-
-def short_name(kind: str) -> str:
-    """Name of a law in a result: its word, or the name of its class."""
-    return kind.rpartition(":")[2]
 
 
 def law_entry(kind: str, owner: str = "controller") -> LawEntry:

@@ -11,7 +11,7 @@ import tomli_w
 from matplotlib.figure import Figure
 
 from jaxglider.files.gains import encode_law
-from jaxglider.files.user_law import short_name
+from jaxglider.files.law_paths import short_name
 from jaxglider.files.writing import provenance, write_json, write_text
 from jaxglider.plotting.style import PAGE, look, new_figure
 from jaxglider.simulation.closed_loop import ClosedLoop
@@ -169,7 +169,7 @@ class TuneResult:
         result = {**self.to_dict(), **more, "provenance": about}
         words = ["jaxglider", *command] if command else ["tuning.tune", "from Python"]
         gains = {
-            **encode_law(self.loop),
+            **encode_law(self.loop, out),
             "provenance": {
                 "command": " ".join(words),
                 "created": about["created"],

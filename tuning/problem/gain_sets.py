@@ -16,7 +16,8 @@ from jaxglider.files.gains import (
     read_gains,
     with_law_inside,
 )
-from jaxglider.files.user_law import is_own, law_entry, short_name
+from jaxglider.files.law_paths import is_own, short_name
+from jaxglider.files.user_law import law_entry
 from jaxglider.paper.tuned import tuned_gains
 from jaxglider.vehicle.design_model import DesignModel
 
@@ -74,7 +75,11 @@ class GainSet:
             tables = encode_gains(tables.controller, tables.observer, tables.guidance)
         # Where gains come from changes nothing that they do.
         tables = {key: x for key, x in tables.items() if key != "provenance"}
-        return dataclasses.replace(self, content=with_law_inside(tables))
+        try:
+            return dataclasses.replace(self, content=with_law_inside(tables))
+        except ConfigError as error:
+            where = f"{self.origin}: " if is_file(self.origin) else ""
+            raise ConfigError(f"{where}{error}") from error
 
     @classmethod
     def of(cls, entry: Mapping[str, Any]) -> "GainSet":

@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+from pathlib import Path
 from typing import Any
 
 import tomli_w
@@ -123,7 +124,7 @@ def _files(
     about: dict[str, Any],
 ) -> tuple[dict[str, str], Cost | None]:
     """Texts by name, and what a tick costs where that can be said."""
-    table = _table(loop, about)
+    table = _table(loop, about, options.out)
     if options.format == "json":
         return {"gains.json": json.dumps(table, indent=2) + "\n"}, None
     text = tomli_w.dumps(table)
@@ -135,10 +136,10 @@ def _files(
     return {**made.files, "gains.toml": text}, made.cost
 
 
-def _table(loop: ClosedLoop, about: dict[str, Any]) -> dict[str, Any]:
+def _table(loop: ClosedLoop, about: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Gains as `tune` writes them."""
     return {
-        **encode_law(loop),
+        **encode_law(loop, folder),
         "provenance": {
             **{k: about[k] for k in ("created", "versions", "scenario", "plant")},
             "command": "jaxglider " + " ".join(about["command"]),

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from jaxglider.core.toml import ConfigError, file_text
+from jaxglider.files.law_paths import is_same_law
 from jaxglider.files.mission import load_mission, self_contained
 from jaxglider.files.uncertainty import load_uncertainty
 from jaxglider.simulation.closed_loop import ClosedLoop
@@ -125,7 +126,7 @@ def starting_loop(
     for word in words:
         (gains,) = case.resolve([word], [wanted or DEFAULT_CONTROLLER[case.plant]])
         controller, loop = case.loop(gains)
-        if wanted in (None, controller):
+        if wanted is None or is_same_law(wanted, controller):
             return controller, loop
     raise ValueError(
         f"--controller is {wanted}, but {options.gains} holds {controller}."
