@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxglider.vehicle.parameters import UNCERTAIN, GliderParameters
-from jaxglider.vehicle.published import load_vehicle, vehicle_names
+from jaxglider.vehicle.published import load_vehicle, vehicle_names, vehicle_text
 
 # The paper's table of parameters; buoyancy position and gravity are not in it.
 PRINTED = {
@@ -207,3 +207,26 @@ def test_signs_that_the_model_leaves_open_are_accepted():
     good = load_vehicle("seawing").parameters
     changed = dataclasses.replace(good, drag=0.0, lift_offset=0.4, yaw_damping=1.0)
     assert float(changed.drag) == 0.0
+
+
+@pytest.mark.parametrize("unit", ["lb", "g", "kg m", 3])
+def test_a_unit_that_is_not_the_keys_own_is_refused(tmp_path, unit):
+    file = tmp_path / "own.toml"
+    shown = f'"{unit}"' if isinstance(unit, str) else unit
+    old = 'surge_mass = { value = 66.76, unit = "kg"'
+    assert old in vehicle_text("seawing")
+    new = old.replace('"kg"', str(shown))
+    file.write_text(vehicle_text("seawing").replace(old, new))
+    with pytest.raises(ValueError, match=r"surge_mass must be in kg") as caught:
+        load_vehicle(file)
+    assert f"received unit = {unit!r}" in str(caught.value)
+
+
+def test_a_unit_may_be_spelt_with_signs_and_every_shipped_one_is_right(tmp_path):
+    file = tmp_path / "own.toml"
+    for name in vehicle_names():
+        text = vehicle_text(name).replace("kg m^2", "kg·m²")
+        file.write_text(text)
+        assert _numbers(load_vehicle(file).parameters) == _numbers(
+            load_vehicle(name).parameters
+        )

@@ -1,6 +1,7 @@
 """Vehicles as TOML: every number stands beside its unit, source and doubt."""
 
 import dataclasses
+import functools
 import tomllib
 from collections.abc import Iterable
 from importlib import resources
@@ -110,11 +111,10 @@ def _values(
     entries = data.get(table, {})
     if not isinstance(entries, dict):
         raise ValueError(f"{source}: {table} must be a table; received {entries!r}.")
-    for key in entries:
-        if key not in names:
-            raise ValueError(
-                f"{source}: unknown key {table}.{key}; choose from {', '.join(names)}."
-            )
+    try:
+        refuse_unknown([key for key in entries if key not in names], names, table)
+    except ValueError as error:
+        raise ValueError(f"{source}: {error}") from error
     missing = [name for name in names if name not in entries]
     if missing:
         raise ValueError(f"{source}: key {table}.{missing[0]} is missing.")
@@ -127,4 +127,38 @@ def _values(
                 f"received {entry!r}."
             )
         values[key] = number(value, f"{source}: {table}.{key}")
+        if isinstance(entry, dict) and "unit" in entry:
+            _check_unit(entry["unit"], f"{table}.{key}", source)
     return values
+
+
+def _check_unit(unit: Any, key: str, source: str | Path) -> None:
+    """Refuse a unit other than that of the key: no number is converted.
+
+    Raises:
+        ValueError: names the key, its unit and the one received.
+    """
+    wanted = _units()[key]
+    if not isinstance(unit, str) or _plain(unit) != _plain(wanted):
+        raise ValueError(
+            f"{source}: {key} must be in {wanted}, and so must its unit say where it "
+            f"has one; received unit = {unit!r}. Convert the value to {wanted}."
+        )
+
+
+@functools.cache
+def _units() -> dict[str, str]:
+    """The unit of each key, as the vehicles of the package have it."""
+    data = tomllib.loads(vehicle_text("seawing"))
+    return {
+        f"{table}.{key}": entry["unit"]
+        for table in ("parameters", "limits", "body")
+        for key, entry in data[table].items()
+    }
+
+
+def _plain(unit: str) -> str:
+    """A unit without the marks that are written in several ways."""
+    for mark, word in (("²", "^2"), ("**", "^"), ("·", " "), ("*", " ")):
+        unit = unit.replace(mark, word)
+    return " ".join(unit.split())
