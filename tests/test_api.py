@@ -16,6 +16,9 @@ from jaxglider.control import Funnel, allocate, tracking_error
 from jaxglider.core.containers import as_float
 from jaxglider.signals import Channels, Command, map_fields
 from jaxglider.simulation.rollout import evaluate
+from tuning.problem.aggregates import MEAN, CVaR, SoftWorst
+from tuning.problem.arguments import objective_of
+from tuning.problem.objective_file import DEFAULT_WEIGHTS
 
 DURATION, DT = 4.0, 0.1
 
@@ -156,11 +159,11 @@ def test_loops_that_fly_different_scenarios_are_refused(own):
 def test_what_cannot_be_tuned_is_refused(own):
     with pytest.raises(ValueError, match="names nothing to tune"):
         tuning.tune(own, free="controller.stifness", progress=False)
-    with pytest.raises(ValueError, match="training must be at least 1 member"):
+    with pytest.raises(ValueError, match="members must be a whole number of at"):
         tuning.tune(own, members=0, progress=False)
     with pytest.raises(ValueError, match="resume goes with out"):
         tuning.tune(own, resume=True, progress=False)
-    with pytest.raises(ValueError, match="uncertainty must be in"):
+    with pytest.raises(ValueError, match="uncertainty must be a number in"):
         tuning.sweep(own, uncertainty=0.0, progress=False)
 
 
@@ -170,7 +173,9 @@ def test_a_result_is_saved_as_the_command_saves_it(tuned, tmp_path):
     names = {path.name for path in tmp_path.iterdir()}
     assert names >= {"gains.toml", "history.csv", "tune.json", "report.md"}
     table = tomllib.loads((tmp_path / "gains.toml").read_text(encoding="utf-8"))
-    assert table["controller"]["type"] == f"{__file__}:ProportionalDerivative"
+    file, _, name = table["controller"]["type"].rpartition(":")
+    assert (tmp_path / file).samefile(__file__)
+    assert name == "ProportionalDerivative"
     for gain in ("stiffness", "damping"):
         for channel in ("depth", "pitch", "heading"):
             value = float(getattr(getattr(tuned.loop.controller, gain), channel))
@@ -186,3 +191,74 @@ def test_the_package_is_light_until_it_is_used():
         "assert 'jax' in sys.modules and callable(tune)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"objective": "x"}, r"objective must be Weights or the path .* received 'x'"),
+        ({"objective": 3}, r"objective must be Weights .* received 3"),
+        ({"aggregate": "median"}, r"aggregate must be one of mean, cvar, worst"),
+        ({"aggregate": 3}, r"aggregate must be mean, cvar, worst or .* received 3"),
+        ({"steps": "a"}, r"steps must be a whole number of at least 1; received 'a'"),
+        ({"steps": 0}, r"steps must be a whole number of at least 1; received 0"),
+        ({"uncertainty": "a"}, r"uncertainty must be a number in \[0, 1\) or an Unc"),
+        ({"uncertainty": -0.1}, r"uncertainty must be .* received -0\.1"),
+        ({"uncertainty": 1.0}, r"uncertainty must be .* received 1\.0"),
+        ({"members": 0}, r"members must be a whole number of at least 1; received 0"),
+        ({"members": 2.5}, r"members must be .* received 2\.5"),
+        ({"validation": "b"}, r"validation must be .* received 'b'"),
+        ({"seed": -1}, r"seed must be a whole number in \[0, 4294967296\)"),
+        ({"gradient_memory": -1.0}, r"gradient_memory must be a positive .* -1\.0"),
+        ({"gradient_memory": 0}, r"gradient_memory must be a positive .* received 0"),
+        ({"settings": 3}, r"settings must be a DescentSettings or None; received 3"),
+        ({"method": "cma"}, r"method must be a BlackBoxSettings, as .* 'cma'"),
+        ({"cost": "own"}, r"cost must be a function or None; received 'own'"),
+        ({"free": [1]}, r"free must be a sequence of texts; received \[1\]"),
+        ({"loop": "x"}, r"loop must be a ClosedLoop; received 'x'"),
+    ],
+)
+def test_tune_names_the_argument_the_rule_and_what_was_received(
+    own, arguments, message
+):
+    with pytest.raises(ValueError, match=message):
+        tuning.tune(**{"loop": own, "progress": False} | arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"loops": "x"}, r"loops must be a ClosedLoop or .* received 'x'"),
+        ({"loops": {"a": 3}}, r"loops\['a'\] must be a ClosedLoop; received 3"),
+        ({"members": "many"}, r"members must be a whole number .* 'many'"),
+        ({"uncertainty": "a"}, r"uncertainty must be a number in \(0, 1\) .* 'a'"),
+        ({"uncertainty": 0.0}, r"uncertainty must be .* received 0\.0"),
+        ({"confidence": 1.0}, r"confidence must be a number in \(0, 1\)"),
+        ({"until_ci": "a"}, r"until_ci must be .* received 'a'"),
+        ({"sensitivity": -1}, r"sensitivity must be .* received -1"),
+        ({"seed": "a"}, r"seed must be .* received 'a'"),
+    ],
+)
+def test_sweep_names_the_argument_the_rule_and_what_was_received(
+    own, arguments, message
+):
+    with pytest.raises(ValueError, match=message):
+        tuning.sweep(**{"loops": own, "progress": False} | arguments)
+
+
+def test_a_name_of_a_loop_that_is_no_text_is_refused(own):
+    with pytest.raises(
+        ValueError, match=r"each name in loops must be text; received 1"
+    ):
+        tuning.sweep({1: own}, progress=False)
+
+
+def test_the_words_and_files_of_the_command_line_do_in_python(tmp_path):
+    file = tmp_path / "o.toml"
+    file.write_text('[weights]\nroll = 2.0\n[aggregate]\nkind = "cvar"\nshare = 0.5\n')
+    weights, aggregate = objective_of(str(file))
+    assert (weights.roll, aggregate) == (2.0, CVaR(0.5))
+    assert objective_of(file, "worst")[1] == SoftWorst()
+    assert objective_of(file, CVaR(0.1))[1] == CVaR(0.1)
+    assert objective_of(DEFAULT_WEIGHTS) == (DEFAULT_WEIGHTS, MEAN)
+    assert objective_of(DEFAULT_WEIGHTS, "cvar")[1] == CVaR()

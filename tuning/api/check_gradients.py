@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -24,6 +25,7 @@ from tuning.gradient_check.text import (
     render_comparison,
     to_dict,
 )
+from tuning.problem.arguments import objective_of, texts
 from tuning.problem.members import nominal_member
 from tuning.problem.objective import Weights
 from tuning.problem.objective_file import DEFAULT_WEIGHTS
@@ -67,7 +69,7 @@ def check_gradients(
     loop: ClosedLoop,
     *,
     free: Sequence[str] = (),
-    objective: Weights = DEFAULT_WEIGHTS,
+    objective: Weights | str | Path = DEFAULT_WEIGHTS,
     short: bool = False,
     progress: bool = True,
 ) -> GradientCheck:
@@ -80,7 +82,8 @@ def check_gradients(
         loop: closed loop with the gains to check at; any controller.
         free: dotted paths of the gains, `*` for any component; empty for all numbers of
             the controller and its observer.
-        objective: weight of each term of the objective.
+        objective: weight of each term of the objective, or the path of an objective
+            file.
         short: whether to leave out the comparison of horizons and smoothing widths.
         progress: whether to show a progress bar.
 
@@ -89,9 +92,9 @@ def check_gradients(
     """
     spec = ProblemSpec.of_loop(
         loop,
-        free=(free,) if isinstance(free, str) else tuple(free),
+        free=texts("free", free),
         ensemble=EnsembleSpec.nominal(),
-        weights=objective,
+        weights=objective_of(objective)[0],
         gradient_memory=None,
     )
     shown = BarProgress() if progress else SilentProgress()

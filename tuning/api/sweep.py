@@ -25,6 +25,7 @@ from tuning.campaign.report.conclude import (
 from tuning.campaign.run.campaign import Campaign, CampaignSettings, make_sampler
 from tuning.campaign.run.rows import Rows
 from tuning.campaign.run.store import Manifest, opened, prepare
+from tuning.problem.arguments import closed_loops, half_width, real, texts, whole
 from tuning.problem.case import FlightCase
 from tuning.problem.fingerprint import fingerprint
 from tuning.problem.gain_sets import GainSet
@@ -77,8 +78,14 @@ def sweep(
         ValueError: an argument cannot be used, or the loops fly different scenarios.
         OSError: `out` cannot be written.
     """
-    named = {"loop": loops} if isinstance(loops, ClosedLoop) else dict(loops)
-    rules = [_requirement(text) for text in require]
+    named = closed_loops(loops)
+    whole("members", members)
+    whole("seed", seed, 0, 2**32)
+    whole("sensitivity", sensitivity, 0)
+    real("confidence", confidence, 0.0, 1.0, "a number in (0, 1)")
+    if until_ci is not None:
+        real("until_ci", until_ci, 0.0, 1.0, "a number in (0, 1) or None")
+    rules = [_requirement(text) for text in texts("require", require)]
     campaign = _campaign(named, uncertainty, members, seed, design, until_ci, title)
     for rule in rules:
         rule.check(campaign.labels, MEASURES)
@@ -149,17 +156,14 @@ def _campaign(
     """A campaign of closed loops that no file can tell."""
     if not named:
         raise ValueError("loops must hold at least one closed loop; received none.")
-    if members < 1:
-        raise ValueError(f"members must be at least 1; received {members}.")
     first, *others = named
     case = FlightCase.of_loop(named[first], title)
     for name in others:
         _check_same_scenario(first, named[first], name, named[name])
-    half_width: float | str = "from Python"
+    level: float | str = "from Python"
+    uncertainty = half_width(uncertainty, zero=False)
     if not isinstance(uncertainty, Uncertainty):
-        half_width = half = float(uncertainty)
-        if not 0.0 < half < 1.0:
-            raise ValueError(f"uncertainty must be in (0, 1); received {half:g}.")
+        level = half = uncertainty
         uncertainty = uniform_uncertainty(case.scenario, half, half)
     flown = {
         name: dataclasses.replace(
@@ -181,7 +185,7 @@ def _campaign(
         seed=seed,
         members=members,
         design=design,
-        uncertainty=half_width,
+        uncertainty=level,
         gains=tuple(_gain_set(name, loop) for name, loop in flown.items()),
         until_ci=until_ci,
         digest=fingerprint([list(flown.values()), uncertainty]),

@@ -15,7 +15,8 @@ from jaxglider.uncertainty.members import Uncertainty
 from tuning.api.results import TuneResult
 from tuning.evaluation.final_gradient import GradientProbe
 from tuning.evaluation.held_out import Judge, compare_held_out
-from tuning.problem.aggregates import MEAN, AbstractAggregate
+from tuning.problem.aggregates import AbstractAggregate
+from tuning.problem.arguments import instance, objective_of, refuse, texts, whole
 from tuning.problem.fingerprint import fingerprint
 from tuning.problem.objective import Cost, Weights
 from tuning.problem.objective_file import DEFAULT_WEIGHTS
@@ -39,9 +40,9 @@ def tune(
     test: int = 64,
     uncertainty: Uncertainty | float = DEFAULT_UNCERTAINTY,
     seed: int = 0,
-    objective: Weights = DEFAULT_WEIGHTS,
+    objective: Weights | str | Path = DEFAULT_WEIGHTS,
     cost: Cost | None = None,
-    aggregate: AbstractAggregate = MEAN,
+    aggregate: AbstractAggregate | str | None = None,
     constraints: Sequence[str] = (K1_BELOW_K2,),
     gradient_memory: float | None = 60.0,
     steps: int | None = None,
@@ -69,10 +70,12 @@ def tune(
         uncertainty: quantities that differ between members; or one relative half width
             in [0, 1) for masses, inertias, coefficients and waves.
         seed: seed of members and of the search.
-        objective: weight of each term of the objective.
+        objective: weight of each term of the objective, or the path of an objective
+            file.
         cost: cost function of metrics and of those at the start, instead of the
             weighted terms.
-        aggregate: mean, CVaR or soft worst of the members' costs; the mean by default.
+        aggregate: mean, CVaR or soft worst of the members' costs, or `mean`, `cvar` or
+            `worst`; that of an objective file, else the mean, by default.
         constraints: names of the coupled constraints that are held.
         gradient_memory: memory of the gradient [s]; None for the exact one.
         steps: number of steps, a short way to set `settings`.
@@ -88,19 +91,27 @@ def tune(
         ValueError: an argument cannot be used.
         FloatingPointError: no start completes its run.
     """
+    whole("members", members)
+    instance("settings", settings, DescentSettings)
+    instance("method", method, BlackBoxSettings, ", as BlackBoxSettings('cma'),")
+    if cost is not None and not callable(cost):
+        raise refuse("cost", "a function or None", cost)
+    weights, chosen_aggregate = objective_of(objective, aggregate)
     spec = ProblemSpec.of_loop(
         loop,
         title,
-        free=(free,) if isinstance(free, str) else tuple(free),
+        free=texts("free", free),
         ensemble=EnsembleSpec(uncertainty, members, validation, test, seed),
-        weights=objective,
+        weights=weights,
         cost=cost,
-        aggregate=aggregate,
-        constraints=tuple(constraints),
+        aggregate=chosen_aggregate,
+        constraints=texts("constraints", constraints),
         gradient_memory=gradient_memory,
     )
     chosen = settings or DescentSettings()
-    chosen = dataclasses.replace(chosen, seed=seed, steps=steps or chosen.steps)
+    if steps is not None:
+        chosen = dataclasses.replace(chosen, steps=whole("steps", steps))
+    chosen = dataclasses.replace(chosen, seed=seed)
     with nullcontext() if out is None else writing_to(Path(out)):
         result = solve(
             spec,

@@ -1,6 +1,7 @@
 """A tuning problem as a value: case, gains, free numbers, members, objective."""
 
 import dataclasses
+import math
 from typing import Any
 
 from jaxglider.control import AbstractController
@@ -10,6 +11,7 @@ from jaxglider.simulation.scenario import Clock
 from jaxglider.uncertainty.members import Uncertainty
 from jaxglider.uncertainty.quantities import uniform_uncertainty
 from tuning.problem.aggregates import MEAN, AbstractAggregate
+from tuning.problem.arguments import closed_loop, half_width, real, whole
 from tuning.problem.case import FlightCase
 from tuning.problem.fingerprint import fingerprint
 from tuning.problem.gain_sets import PAPER
@@ -51,13 +53,10 @@ class EnsembleSpec:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        half_width(self.uncertainty, zero=True)
         for name in ("training", "validation", "test"):
-            if getattr(self, name) < 1:
-                raise ValueError(
-                    f"{name} must be at least 1 member; received {getattr(self, name)}."
-                )
-        if not 0 <= self.seed < 2**32:
-            raise ValueError(f"seed must be in [0, 2^32); received {self.seed}.")
+            whole(name, getattr(self, name))
+        whole("seed", self.seed, 0, 2**32)
 
     @classmethod
     def nominal(cls) -> "EnsembleSpec":
@@ -93,8 +92,11 @@ class ProblemSpec:
         aggregate: mean, CVaR or soft worst of the members' costs.
         constraints: names of the coupled constraints that are held; each gain's own
             set is always held.
-        gradient_memory: memory of the gradient that is descended [s]; None for the
-            exact one. See `evaluate`.
+        gradient_memory: memory of the gradient that is descended [s], positive; None
+            for the exact one. See `evaluate`.
+
+    Raises:
+        ValueError: the memory is out of its range.
     """
 
     case: FlightCase
@@ -107,6 +109,11 @@ class ProblemSpec:
     aggregate: AbstractAggregate = MEAN
     constraints: tuple[str, ...] = (K1_BELOW_K2,)
     gradient_memory: float | None = 60.0
+
+    def __post_init__(self) -> None:
+        if self.gradient_memory is not None:
+            memory = self.gradient_memory
+            real("gradient_memory", memory, 0.0, math.inf, "a positive number or None")
 
     @classmethod
     def of_loop(
@@ -122,6 +129,7 @@ class ProblemSpec:
         Raises:
             ValueError: the loop has no controller that can be tuned.
         """
+        closed_loop("loop", loop)
         if not isinstance(loop.controller, AbstractController):
             raise ValueError(
                 "loop.controller must be an AbstractController; received "
