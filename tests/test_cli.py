@@ -3,11 +3,13 @@
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
 import time
 import tomllib
+from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -27,6 +29,8 @@ from jaxglider.files.mission import TEMPLATE
 from jaxglider.files.uncertainty import load_uncertainty
 from jaxglider.paper.tuned import tuned_gains
 from tuning.cli.main import main
+from tuning.cli.parser import parser
+from tuning.space.coordinates import tunable_paths
 
 # As long as the loops of test_metrics: their compiled program serves this one too.
 MISSION = """
@@ -138,7 +142,11 @@ def test_no_command_shows_the_help_and_is_a_usage_error(call):
         ("tune --gradient-memory -1", ("--gradient-memory", "'-1'")),
         ("tune --starts 0", ("--starts", "at least 1", "'0'")),
         ("tune --controller pid", ("--controller", "'pid'", "smc", "fxtppc")),
-        ("simulate", ("required", "--config")),
+        ("simulate", ("required", "--config", "MISSION")),
+        ("simulate a.toml --config b.toml", ("b.toml", "a.toml already; name one")),
+        ("tune --stepz 2", ("tune: error: unrec", "--stepz; did you mean --steps?")),
+        ("swep", ("invalid choice: 'swep'", "did you mean sweep?")),
+        ("compare --plant rigid", ("--plant", "did you mean rigid-body?")),
         ("simulate --config m.toml --seed 4294967296", ("--seed", "'4294967296'")),
         ("validate", ("required", "FILE")),
     ],
@@ -154,9 +162,17 @@ def test_wrong_usage_is_refused_with_argument_rule_and_value(call, arguments, pa
         ("simulate --config .", (".", "cannot be read")),
         ("validate gone.toml", ("gone.toml", "no such file")),
         ("compare --gains gone.toml", ("gone.toml", "no such file")),
-        ("compare --gains mission.toml", ("mission.toml: controller.type is missing",)),
+        (
+            "compare --gains mission.toml",
+            ("mission.toml: this is a mission file, not a gains file", "--config"),
+        ),
+        ("tune --objective mission.toml", ("a mission file, not an objective file",)),
+        ("tune --uncertainty mission.toml", ("not an uncertainty file; name it in",)),
         ("compare --dt 900", ("Clock.dt", "in (0, 800]", "900.0")),
-        ("simulate --config mission.toml --out mission.toml", ("--out mission.toml",)),
+        (
+            "simulate --config mission.toml --out mission.toml",
+            ("--out must be a folder; received mission.toml", "is a file. Give"),
+        ),
         ("simulate --config mission.toml --out mission.toml/x", ("--out", "/x")),
         ("simulate --config mission.toml --out /proc/none", ("--out /proc/none",)),
         ("compare --out /proc/none", ("--out /proc/none", "cannot be written")),
@@ -180,6 +196,7 @@ def test_what_cannot_be_used_is_refused_in_one_line(call, arguments, parts):
     code, out, err = call(*arguments.split())
     line = _refused((code, out, err), *parts)
     assert line.startswith("jaxglider: ")
+    assert "Errno" not in line
     assert err.count("\n") == 1
 
 
@@ -620,3 +637,47 @@ def test_ctrl_c_while_jax_compiles_is_no_crash(tmp_path):
     )
     assert done.returncode == 130, done.stderr
     assert done.stderr.startswith("jaxglider: interrupted")
+
+
+def test_a_wrong_option_costs_two_lines_not_the_whole_usage(call):
+    _, _, err = call("tune", "--stepz", "2")
+    first, second = err.splitlines()
+    assert (
+        first == "usage: jaxglider tune [options]; `jaxglider tune --help` lists them"
+    )
+    assert second.startswith("jaxglider tune: error: ")
+
+
+@pytest.mark.parametrize(
+    "command", ["simulate", "tune", "sweep", "check-gradients", "export"]
+)
+def test_a_mission_may_be_named_alone(command):
+    alone = parser().parse_args([command, "m.toml"])
+    named = parser().parse_args([command, "--config", "m.toml"])
+    both = parser().parse_args([command, "m.toml", "--config", "m.toml"])
+    after = parser().parse_args([command, "--json", "m.toml"])
+    assert alone == named == both
+    assert after.config == Path("m.toml")
+    assert parser().parse_args([command]).config is None
+
+
+def test_a_path_that_names_nothing_lists_the_groups_there_are(call):
+    code, _, err = call("tune", "--free", "nothing")
+    assert code == 2
+    paths = tunable_paths(
+        paper.make_loop("switching", "rigid-body", controller="fxtppc-roll")
+    )
+    listed = re.search(r"choose from (.*) or a .* \((\d+) in all", err)
+    assert int(listed[2]) == len(paths)
+    assert all(any(p.startswith(x) for p in paths) for x in listed[1].split(", "))
+    assert len(listed[1].split(", ")) <= 10
+
+
+@pytest.mark.parametrize("command", ["sweep", "export"])
+def test_a_law_that_no_gains_ask_for_is_told(call, tmp_path, command):
+    (tmp_path / "g.toml").write_text('[controller]\ntype = "ppc"\nnone = 1\n')
+    code, _, err = call(command, "--gains", "g.toml", "--controller", "smc")
+    assert code == 2
+    assert "--controller is not used: it goes with the words paper and tuned" in err
+    _, _, err = call(command, "--gains", "g.toml")
+    assert "--controller" not in err

@@ -631,3 +631,28 @@ def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path, ending):
     assert read_objective(tmp_path / "o.toml")[0].roll == 1.0
     (one,) = resolve([str(tmp_path / "g.toml")], [], "switching", "printed")
     assert one.label == "smc (g)"
+
+
+def test_a_vehicle_that_is_not_there_is_told_with_where_and_what_else(tmp_path):
+    file = tmp_path / "mission.toml"
+    file.write_text('[vehicle]\ndata = "mine.toml"\n')
+    with pytest.raises(ConfigError) as caught:
+        load_mission(file)
+    message = str(caught.value)
+    assert message.startswith(f"{file}: vehicle.data must be rogue, seawing, slocum or")
+    assert f"{tmp_path}/mine.toml cannot be read: no such file or directory" in message
+    assert "Errno" not in message
+
+
+@pytest.mark.parametrize(
+    ("tables", "kind"),
+    [
+        ({"format": 1, "controller": {"type": "smc"}}, "a gains"),
+        ({"weights": {"tracking": 1.0}}, "an objective"),
+        ({"sensors": {}, "vehicle": []}, "an uncertainty"),
+        ({"name": "x", "parameters": {}, "limits": {}}, "a vehicle"),
+    ],
+)
+def test_a_file_of_another_kind_is_no_mission(tables, kind):
+    with pytest.raises(ConfigError, match=f"this is {kind} file, not a mission file"):
+        build_mission(tables)

@@ -89,7 +89,8 @@ def test_stablehlo_has_an_argument_for_every_scalar(call, tmp_path):
     ("arguments", "parts"),
     [
         (["--gains", "nowhere.toml"], ["nowhere.toml", "no such file"]),
-        ([], ["--gains", "--config", "required"]),
+        ([], ["--gains", "--config", "required", "neither"]),
+        (["--gains", "paper", "mission.toml"], ["--gains", "required", "both"]),
         (["--config", "mission.toml", "--plant", "printed"], ["--plant", "Leave it"]),
         (
             ["--gains", "paper", "--safe", "1", "0", "0"],
@@ -253,3 +254,37 @@ def test_nothing_of_the_command_line_needs_jax_to_answer_for_help():
     code += "assert not {'jax', 'numpy'} & set(sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_an_export_replaces_no_file_that_no_export_wrote(call, tmp_path):
+    words = ["export", "--gains", "paper", "--controller", "smc", "--format", "toml"]
+    folder = tmp_path / "there"
+    folder.mkdir()
+    (folder / "gains.toml").write_text("mine")
+    code, _, err = call(*words, "--out", "there")
+    assert code == 2
+    assert "--out there holds files that no export wrote (gains.toml)" in err
+    assert "--overwrite" in err
+    assert (folder / "gains.toml").read_text() == "mine"
+    assert call(*words, "--out", "there", "--overwrite")[0] == 0
+    # Now it is a folder of ours; the user adds a file that another format would write.
+    assert call(*words, "--out", "there")[0] == 0
+    (folder / "gains.json").write_text("{}")
+    code, _, err = call(*words[:-1], "json", "--out", "there")
+    assert code == 2
+    assert "gains.json would be replaced" in err
+    (folder / "gains.json").unlink()
+    assert call(*words[:-1], "json", "--out", "there")[0] == 0
+    assert call(*words, "--out", "there")[0] == 0
+    table = tomllib.loads((folder / "gains.toml").read_text())
+    assert table["provenance"]["exported"] == ["gains.json", "gains.toml"]
+
+
+def test_the_working_folder_is_told_by_its_path(call, tmp_path, monkeypatch):
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path / "empty")
+    code, out, err = call(
+        "export", "--gains", "paper", "--format", "toml", "--out", "."
+    )
+    assert code == 0, err
+    assert f"1 files in {tmp_path}/empty.\n" in out

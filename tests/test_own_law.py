@@ -179,7 +179,10 @@ def test_it_is_listed_like_a_law_of_the_catalogue():
     ("change", "parts"),
     [
         (None, ("FILE.py:ClassName with an existing file", "own.py:Steered")),
-        (("class Steered", "class Other"), ("own.py has no ClassName 'Steered'",)),
+        (
+            ("class Steered", "class Other"),
+            ("own.py has no ClassName 'Steered'; it has Other",),
+        ),
         (
             ("class Steered(AbstractController)", "class Steered"),
             ("AbstractController",),

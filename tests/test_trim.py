@@ -318,8 +318,8 @@ def test_trim_prints_draws_and_writes(call, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "code", "parts"),
     [
-        ("--glide-angle -5 --speed 0.4", 1, ("-5 deg", "shallowest dive", "-13.52")),
-        ("--glide-angle 30 --buoyancy-mass 0.3", 1, ("a climb the opposite",)),
+        ("--glide-angle -5 --speed 0.4", 2, ("-5 deg", "shallowest dive", "-13.52")),
+        ("--glide-angle 30 --buoyancy-mass 0.3", 2, ("a climb the opposite",)),
         (
             "--glide-angle -35 --speed 0.9 --turn-rate 0",
             3,
@@ -330,7 +330,7 @@ def test_trim_prints_draws_and_writes(call, tmp_path):
         ("--speed 1 --buoyancy-mass 1", 2, ("not allowed with",)),
         ("--vehicle spray", 2, ("vehicle must be one of", "'spray'")),
         ("--vehicle no.toml", 2, ("--vehicle no.toml cannot be read",)),
-        ("--buoyancy-mass 0", 1, ("no steady glide without buoyancy",)),
+        ("--buoyancy-mass 0", 2, ("no steady glide without buoyancy",)),
     ],
 )
 def test_trim_says_what_cannot_be(call, arguments, code, parts):

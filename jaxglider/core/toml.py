@@ -180,6 +180,12 @@ class TomlTable:
         refuse_unknown(left, sorted(self._read - set(left)), self._path)
 
 
+def reason(error: Exception) -> str:
+    """The complaint of the operating system, without its number and the path."""
+    text = error.strerror if isinstance(error, OSError) else None
+    return text[0].lower() + text[1:] if text else str(error)
+
+
 def file_text(path: str | Path) -> str:
     """The text of a file in UTF-8, without the mark that some editors put before it.
 
@@ -205,8 +211,10 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     try:
         return tomllib.loads(file_text(path))
     except FileNotFoundError as error:
-        raise ConfigError(f"{path}: no such file.") from error
+        place = Path(path).absolute().parent
+        looked = "" if Path(path).is_absolute() else f" Looked in {place}."
+        raise ConfigError(f"{path}: no such file.{looked}") from error
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error}.") from error
+        raise ConfigError(f"{path}: cannot be read: {reason(error)}.") from error
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}.") from error

@@ -14,6 +14,7 @@ from jaxglider.control.catalogue import OBSERVERS
 from jaxglider.control.observer import AbstractObserver
 from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode, encode
+from jaxglider.files.file_kinds import refuse_other_kind
 from jaxglider.files.law_paths import found_from, is_own, seen_from
 from jaxglider.files.user_law import first_gains, source_of
 from jaxglider.guidance import LineOfSight, WaypointPath
@@ -85,9 +86,10 @@ def read_gains(path: str | Path) -> dict[str, Any]:
     """
     tables = read_toml(path)
     controller = tables.get("controller")
-    if not isinstance(controller, dict):
-        return tables
     try:
+        refuse_other_kind(tables, "gains")
+        if not isinstance(controller, dict):
+            return tables
         controller = with_law_found(controller, Path(path).parent)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error

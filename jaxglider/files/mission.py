@@ -15,6 +15,7 @@ from jaxglider.control import Funnel
 from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode
 from jaxglider.files.course_remarks import course_remarks
+from jaxglider.files.file_kinds import refuse_other_kind
 from jaxglider.files.gains import (
     decode_gains,
     decode_observer,
@@ -115,6 +116,7 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     Raises:
         ConfigError: names the key, the rule and the value.
     """
+    refuse_other_kind(data, "mission")
     top = TomlTable(data, "")
     name, seed = top.text("name", "mission"), top.whole("seed", 0)
     if not 0 <= seed < SEEDS:

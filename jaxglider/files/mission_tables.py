@@ -12,7 +12,14 @@ from typing import Any
 import numpy as np
 
 from jaxglider import paper
-from jaxglider.core.toml import ConfigError, TomlTable, choice, number, refuse_unknown
+from jaxglider.core.toml import (
+    ConfigError,
+    TomlTable,
+    choice,
+    number,
+    reason,
+    refuse_unknown,
+)
 from jaxglider.environment.disturbances import (
     AbstractDisturbance,
     Calm,
@@ -34,7 +41,7 @@ from jaxglider.simulation.origin import Origin
 from jaxglider.simulation.scenario import Clock
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.parameters import GliderParameters, VehicleData
-from jaxglider.vehicle.published import load_vehicle, vehicle_of
+from jaxglider.vehicle.published import load_vehicle, vehicle_names, vehicle_of
 
 STATE_UNITS = {
     **dict.fromkeys(("north", "east", "depth"), ("m", 1.0)),
@@ -75,7 +82,18 @@ def _published(table: TomlTable, folder: Path) -> VehicleData:
     if isinstance(source, dict):
         return vehicle_of(source, "the table")
     name = table.text("data", "seawing")
-    return load_vehicle(folder / name if name.endswith(".toml") else name)
+    if not name.endswith(".toml"):
+        return load_vehicle(name)
+    file = folder / name
+    try:
+        return load_vehicle(file)
+    except OSError as error:
+        raise ConfigError(
+            f"vehicle.data must be {', '.join(vehicle_names())} or the path of a .toml "
+            f"file from the mission's folder; received {name!r}, and "
+            f"{file.absolute()} cannot be read: {reason(error)}. `jaxglider vehicles "
+            "--show NAME` prints a file to start from."
+        ) from error
 
 
 def read_clock(table: TomlTable) -> Clock:

@@ -16,6 +16,7 @@ import numpy as np
 
 from jaxglider.core.toml import ConfigError, TomlTable, number, read_toml
 from jaxglider.environment.disturbances import ScaledDisturbance, Sum
+from jaxglider.files.file_kinds import refuse_other_kind
 from jaxglider.files.mission_tables import STATE_UNITS, read_disturbance
 from jaxglider.files.uncertainty_tables import (
     Additions,
@@ -68,6 +69,7 @@ def build_uncertainty(data: dict[str, Any], scenario: Scenario) -> Uncertainty:
     Raises:
         ConfigError: names the key, the rule and the value.
     """
+    refuse_other_kind(data, "uncertainty")
     top = TomlTable(data, "")
     try:
         quantities, groups = _vehicle(top.tables("vehicle"), scenario)

@@ -23,7 +23,7 @@ from jaxglider import paper
 from jaxglider.control.catalogue import BY_NAME, LawEntry
 from jaxglider.control.controller import AbstractController, ControlRecord
 from jaxglider.control.funnel import Funnel
-from jaxglider.core.toml import ConfigError
+from jaxglider.core.toml import ConfigError, reason
 from jaxglider.files.law_paths import is_own, short_name
 from jaxglider.signals import (
     BodyAxes,
@@ -128,7 +128,14 @@ def load_named(where: str, owner: str, what: str, text: str | None = None) -> An
     try:
         return vars(module)[name]
     except KeyError:
-        raise ConfigError(f"{owner}: {path} has no {what} {name!r}.") from None
+        kind = type if what == "ClassName" else types.FunctionType
+        names = [
+            word
+            for word, thing in vars(module).items()
+            if isinstance(thing, kind) and thing.__module__ == module.__name__
+        ]
+        there = f"it has {', '.join(names)}" if names else "it has none"
+        raise ConfigError(f"{owner}: {path} has no {what} {name!r}; {there}.") from None
 
 
 def _text(path: str, owner: str, what: str, where: str) -> str:
@@ -139,7 +146,9 @@ def _text(path: str, owner: str, what: str, where: str) -> str:
     try:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{owner}: {path} cannot be read: {error}.") from error
+        raise ConfigError(
+            f"{owner}: {path} cannot be read: {reason(error)}."
+        ) from error
 
 
 def _module(path: str, text: str, owner: str) -> types.ModuleType:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from jaxglider.core.toml import reason
 from jaxglider.files.writing import provenance
 from tuning.campaign.analysis.sensitivity import run_blocks
 from tuning.campaign.analysis.summary import CampaignSummary
@@ -132,8 +133,8 @@ def _execute(
             )
         except OSError as error:
             note(
-                f"{folder}: results cannot be written ({error}); {len(rows)} members "
-                "are safe. Make room and go on with --resume."
+                f"{folder}: results cannot be written ({reason(error)}); {len(rows)} "
+                "members are safe. Make room and go on with --resume."
             )
             return RUN_FAILED, None
     return code or exit_code(summary), summary

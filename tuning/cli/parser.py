@@ -12,10 +12,12 @@ from tuning.cli.options.arguments import (
     SCENARIOS,
     add_common,
     add_dt,
+    add_mission,
     law,
     seed,
 )
 from tuning.cli.options.export import add_controller_binary, add_export
+from tuning.cli.options.short_errors import Parser
 from tuning.cli.options.sweep import add_merge, add_rerun, add_sweep
 from tuning.cli.options.trim import add_trim, add_vehicles
 from tuning.cli.options.tune import add_check, add_tune
@@ -23,7 +25,7 @@ from tuning.cli.options.tune import add_check, add_tune
 
 def parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
-    top = argparse.ArgumentParser(
+    top = Parser(
         prog="jaxglider",
         description="Simulate, compare and tune controllers of underwater gliders.",
         epilog="Exit codes: 0 all well, 1 a run failed, 2 usage or configuration, "
@@ -94,13 +96,7 @@ def _add_compare(commands: Any) -> None:
 def _add_simulate(commands: Any) -> None:
     text = "run one mission from a TOML file"
     parser = commands.add_parser("simulate", help=text, description=text + ".")
-    parser.add_argument(
-        "--config",
-        type=Path,
-        required=True,
-        metavar="FILE",
-        help="mission file; `jaxglider init` writes one to start from",
-    )
+    add_mission(parser, "the same; `jaxglider init` writes one to start from")
     parser.add_argument(
         "--seed", type=seed, metavar="N", help="of the sea, instead of the file's"
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxglider.core.toml import ConfigError, TomlTable, read_toml
+from jaxglider.files.file_kinds import refuse_other_kind
 from jaxglider.files.user_law import load_named
 from jaxglider.signals import CHANNELS
 from tuning.problem.aggregates import AbstractAggregate, make_aggregate
@@ -57,7 +58,9 @@ def read_objective(
     if path is None:
         return DEFAULT_WEIGHTS, make_aggregate(kind or "mean")
     try:
-        top = TomlTable(read_toml(path), "")
+        tables = read_toml(path)
+        refuse_other_kind(tables, "objective")
+        top = TomlTable(tables, "")
         table = top.table("weights")
         values: dict[str, Any] = {}
         for field in dataclasses.fields(DEFAULT_WEIGHTS):

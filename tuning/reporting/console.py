@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from jaxglider.core.toml import reason
 from jaxglider.files.writing import replacing
 
 
@@ -111,9 +112,19 @@ def check_writable(folder: Path) -> None:
     Raises:
         OSError: it cannot be made or written.
     """
+    place = folder.absolute()
+    for path in (place, *place.parents):
+        if path.exists() and not path.is_dir():
+            raise NotADirectoryError(
+                f"--out must be a folder; received {folder}, but {path} is a file. "
+                "Give another name, or move that file away."
+            )
     try:
         with replacing(folder / ".probe") as temporary:
             temporary.write_text("", encoding="utf-8")
         (folder / ".probe").unlink()
     except OSError as error:
-        raise OSError(f"--out {folder} cannot be written: {error}.") from error
+        raise OSError(
+            f"--out {folder} cannot be written: {reason(error)} ({place}). Give a "
+            "folder that you may write to."
+        ) from error

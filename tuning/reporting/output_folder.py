@@ -14,6 +14,11 @@ LOCK = ".being-written"
 _held: set[Path] = set()
 
 
+def folder_name(folder: Path) -> str:
+    """A folder for a sentence: the working folder, `.`, by its whole path."""
+    return str(folder.absolute() if folder == Path() else folder)
+
+
 @contextlib.contextmanager
 def writing_to(folder: Path) -> Iterator[None]:
     """Keep other processes from writing to a folder.

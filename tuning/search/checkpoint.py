@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxglider.core.toml import reason
 from jaxglider.files.writing import replacing
 from tuning.search.settings import State, Step
 
@@ -64,7 +65,8 @@ class Checkpoint:
 
     def _unreadable(self, error: Exception) -> ValueError:
         return ValueError(
-            f"--resume: {self._path} cannot be read ({error}); run without --resume."
+            f"--resume: {self._path} cannot be read ({reason(error)}); run without "
+            "--resume."
         )
 
     def load(self, like: State) -> tuple[State, list[Step]]:

@@ -99,6 +99,10 @@ class Pair:
     second_edge: Edge
 
 
+_SHOWN = 10
+"""Number of groups of paths that a message lists at most."""
+
+
 def tunable_paths(loop: ClosedLoop) -> tuple[str, ...]:
     """All numbers of a closed loop that can be tuned, by their dotted paths."""
     return tuple(_tunable(loop))
@@ -250,9 +254,12 @@ def _unknown(pattern: str, known: list[str]) -> str:
             f"{' or '.join(near)}? Below {', '.join(_heads(known))} there are "
             f"{len(known)} numbers."
         )
+    heads = _heads(known)
+    more = ", ..." if len(heads) > _SHOWN else ""
     return (
         f"{pattern!r} names nothing to tune in this closed loop; "
-        f"choose from {', '.join(known)}."
+        f"choose from {', '.join(heads[:_SHOWN])}{more} or a number below one of them "
+        f"({len(known)} in all)."
     )
 
 

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxglider.core.toml import reason
 from jaxglider.files.writing import write_json
 from tuning.campaign.run.campaign import Campaign, CampaignSettings, fingerprint_of
 from tuning.campaign.run.rows import COLUMNS, checksums, row_type
@@ -91,7 +92,7 @@ def read_manifest(folder: Path) -> Manifest:
             "--out` makes one."
         ) from None
     except (OSError, ValueError) as error:
-        raise ValueError(f"{path} cannot be read ({error}).") from error
+        raise ValueError(f"{path} cannot be read ({reason(error)}).") from error
     try:
         if table["format"] != FORMAT or table["columns"] != list(COLUMNS):
             raise ValueError("it was made by another version; run the sweep anew")
@@ -152,8 +153,8 @@ class Store:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file.fileno(), self.count * self._kind.itemsize)
             raise StoreFull(
-                f"{self.path} cannot be written ({error}); {self.count} members are "
-                "safe. Make room and go on with --resume."
+                f"{self.path} cannot be written ({reason(error)}); {self.count} "
+                "members are safe. Make room and go on with --resume."
             ) from error
         self.count += len(rows)
 

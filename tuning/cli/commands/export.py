@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -21,29 +22,44 @@ from jaxglider.onboard.autopilot import autopilot
 from jaxglider.onboard.guard import Guard
 from jaxglider.signals import Command
 from jaxglider.simulation.closed_loop import ClosedLoop
-from tuning.cli.session.from_options import refuse_beside_mission
+from tuning.cli.session.from_options import (
+    note_needless_controller,
+    refuse_beside_mission,
+)
 from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import read_files, resolve
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import OK
+from tuning.reporting.output_folder import folder_name
 
 
 def export(options: argparse.Namespace) -> int:
     """`jaxglider export`."""
     loop, title, about = _loop(options)
+    earlier = _earlier(options.out)
+    if not options.overwrite:
+        _refuse_strange_folder(options.out, earlier)
     guard = _guard(options, loop)
     progress = Progress()
     progress.show(f"exporting {title} as {options.format} ...")
     try:
-        files, cost = _files(options, loop, guard, title, about)
+        files, cost = _files(options, loop, guard, title)
     except ExportError as error:
         raise ConfigError(f"{title} cannot be exported: {error}") from error
     finally:
         progress.clear()
+    names = {*files, "gains.json" if options.format == "json" else "gains.toml"}
+    if not options.overwrite:
+        _refuse_strange_files(options.out, names - earlier)
+    table = _table(loop, about, options.out, sorted(names | earlier))
+    if options.format == "json":
+        files["gains.json"] = json.dumps(table, indent=2) + "\n"
+    else:
+        files["gains.toml"] = tomli_w.dumps(table)
     for name, text in files.items():
         write_text(options.out / name, text)
     result: dict[str, Any] = {"title": title, "files": sorted(files)}
-    lines = [f"{title}: {len(files)} files in {options.out}."]
+    lines = [f"{title}: {len(files)} files in {folder_name(options.out)}."]
     if cost is not None:
         result["cost"] = {
             "operations": cost.operations,
@@ -67,6 +83,13 @@ def export(options: argparse.Namespace) -> int:
 
 def _loop(options: argparse.Namespace) -> tuple[ClosedLoop, str, dict[str, Any]]:
     """The closed loop, what it is called, and where it comes from."""
+    if (options.config is None) == (options.gains is None):
+        raise ValueError(
+            "either --gains FILE or a mission file is required, as MISSION or --config "
+            f"FILE; received {'neither' if options.gains is None else 'both'}."
+        )
+    words = [] if options.gains is None else [options.gains]
+    note_needless_controller(words, options.controller)
     if options.config is not None:
         refuse_beside_mission(options)
         mission = load_mission(options.config)
@@ -88,7 +111,9 @@ def _loop(options: argparse.Namespace) -> tuple[ClosedLoop, str, dict[str, Any]]
     scenario = options.scenario or _known(origin, "scenario", paper.SCENARIOS)
     plant = options.plant or _known(origin, "plant", tuple(paper.PLANTS))
     case = FlightCase.of_paper(scenario, plant, options.dt, None)
-    (gains,) = resolve([path], [options.controller], scenario, plant, files=files)
+    (gains,) = resolve(
+        [path], [options.controller or "fxtppc"], scenario, plant, files=files
+    )
     about = _about(gains=gains.origin, scenario=scenario, plant=plant)
     title = f"{gains.label} for {scenario} on {plant}"
     return case.loop(gains)[1], title, about
@@ -117,31 +142,67 @@ def _guard(options: argparse.Namespace, loop: ClosedLoop) -> Guard:
 
 
 def _files(
-    options: argparse.Namespace,
-    loop: ClosedLoop,
-    guard: Guard,
-    title: str,
-    about: dict[str, Any],
+    options: argparse.Namespace, loop: ClosedLoop, guard: Guard, title: str
 ) -> tuple[dict[str, str], Cost | None]:
-    """Texts by name, and what a tick costs where that can be said."""
-    table = _table(loop, about, options.out)
-    if options.format == "json":
-        return {"gains.json": json.dumps(table, indent=2) + "\n"}, None
-    text = tomli_w.dumps(table)
-    if options.format == "toml":
-        return {"gains.toml": text}, None
+    """Texts by name but for the gains, and what a tick costs where that can be said."""
     if options.format == "stablehlo":
-        return {"gains.toml": text, **stablehlo(autopilot(loop, guard))}, None
+        return stablehlo(autopilot(loop, guard)), None
+    if options.format != "c":
+        return {}, None
     made = export_c(loop, title, guard)
-    return {**made.files, "gains.toml": text}, made.cost
+    return dict(made.files), made.cost
 
 
-def _table(loop: ClosedLoop, about: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Gains as `tune` writes them."""
+def _table(
+    loop: ClosedLoop, about: dict[str, Any], folder: Path, names: list[str]
+) -> dict[str, Any]:
+    """Gains as `tune` writes them, with the names of all files of the export."""
     return {
         **encode_law(loop, folder),
         "provenance": {
             **{k: about[k] for k in ("created", "versions", "scenario", "plant")},
             "command": "jaxglider " + " ".join(about["command"]),
+            "exported": names,
         },
     }
+
+
+def _earlier(folder: Path) -> set[str]:
+    """Names of the files that earlier exports wrote to a folder and that are there."""
+    names: set[str] = set()
+    for file, read in (("gains.toml", tomllib.loads), ("gains.json", json.loads)):
+        try:
+            table = read((folder / file).read_text(encoding="utf-8"))
+            names.update(map(str, table["provenance"]["exported"]))
+        except (OSError, ValueError, KeyError, TypeError):
+            continue
+    return {name for name in names if (folder / name).exists()}
+
+
+def _refuse_strange_folder(folder: Path, earlier: set[str]) -> None:
+    """Refuse a folder with files and no export among them; hidden ones do not count.
+
+    Raises:
+        ValueError: names the folder and some of its files.
+    """
+    there = sorted(p.name for p in folder.iterdir() if not p.name.startswith("."))
+    if there and not earlier:
+        more = ", ..." if len(there) > 3 else ""
+        raise ValueError(
+            f"--out {folder} holds files that no export wrote ({', '.join(there[:3])}"
+            f"{more}). Give a folder of its own, or --overwrite to write among them."
+        )
+
+
+def _refuse_strange_files(folder: Path, names: set[str]) -> None:
+    """Refuse to replace files that no export wrote.
+
+    Raises:
+        ValueError: names the folder and the files.
+    """
+    there = sorted(name for name in names if (folder / name).exists())
+    if there:
+        raise ValueError(
+            f"--out {folder}: {', '.join(there)} would be replaced, and no export "
+            "wrote that. Give another folder, or --overwrite to replace."
+        )

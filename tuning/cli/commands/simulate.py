@@ -19,7 +19,16 @@ from tuning.reporting.exit_codes import RUN_FAILED
 
 
 def simulate_mission(options: argparse.Namespace) -> int:
-    """`jaxglider simulate`: one mission from a file."""
+    """`jaxglider simulate`: one mission from a file.
+
+    Raises:
+        ValueError: no mission is named, or it cannot be used.
+    """
+    if options.config is None:
+        raise ValueError(
+            "a mission file is required: MISSION or --config FILE. `jaxglider init` "
+            "writes one to start from."
+        )
     mission = load_mission(options.config)
     if mission.stand_ins:
         note(mission.stand_ins)

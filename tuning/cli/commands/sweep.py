@@ -8,7 +8,12 @@ from tuning.campaign.analysis.summary import MEASURES, CampaignSummary, text_sum
 from tuning.campaign.execute import Execution, execute, execute_on_hosts
 from tuning.campaign.report.levels import folder_names, named, write_levels
 from tuning.campaign.run.campaign import Campaign, build
-from tuning.cli.session.from_options import campaign_settings, conclusions
+from tuning.cli.session.from_options import (
+    campaign_settings,
+    conclusions,
+    gains_words,
+    note_needless_controller,
+)
 from tuning.reporting.console import Progress, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED, VIOLATED
 
@@ -17,6 +22,7 @@ def sweep(options: argparse.Namespace) -> int:
     """`jaxglider sweep`: a campaign for each level of uncertainty."""
     levels = list(dict.fromkeys(options.uncertainty))
     _check(options)
+    note_needless_controller(gains_words(options), options.controller)
     names = folder_names(levels)
     campaigns = {level: build(campaign_settings(options, level)) for level in levels}
     for rule in options.require:

@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from jaxglider.core.toml import reason
 from jaxglider.files import mission, uncertainty
 from jaxglider.files.writing import write_text
 from jaxglider.simulation.start import start_warnings
@@ -26,7 +27,7 @@ def init(options: argparse.Namespace) -> int:
     try:
         write_text(path, template())
     except OSError as error:
-        raise OSError(f"{path} cannot be written: {error}.") from error
+        raise OSError(f"{path} cannot be written: {reason(error)}.") from error
     use = "tune --uncertainty" if options.uncertainty else "simulate --config"
     sys.stdout.write(f"{path} written. Edit it, then: jaxglider {use} {path}\n")
     return OK

@@ -3,12 +3,14 @@
 import argparse
 import math
 import sys
+from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 
 from jaxglider import paper
+from jaxglider.core.toml import reason
 from jaxglider.files.writing import provenance, write_json
 from jaxglider.plotting.glide import save_glide
 from jaxglider.trim.linear_model import INPUTS, linearise
@@ -20,7 +22,8 @@ from jaxglider.vehicle.parameters import VehicleData
 from jaxglider.vehicle.plant import AbstractPlant
 from jaxglider.vehicle.published import load_vehicle
 from tuning.reporting.console import Progress, note, print_result
-from tuning.reporting.exit_codes import OK, RUN_FAILED, VIOLATED
+from tuning.reporting.exit_codes import OK, RUN_FAILED, USAGE, VIOLATED
+from tuning.reporting.output_folder import folder_name
 
 
 def trim(options: argparse.Namespace) -> int:
@@ -29,14 +32,16 @@ def trim(options: argparse.Namespace) -> int:
         vehicle = load_vehicle(options.vehicle)
     except OSError as error:
         raise OSError(
-            f"--vehicle {options.vehicle} cannot be read: {error}."
+            f"--vehicle {options.vehicle} cannot be read: {reason(error)} "
+            f"({Path(options.vehicle).absolute()}). `jaxglider vehicles` lists those "
+            "there are, and --show NAME prints a file to start from."
         ) from error
     plant = paper.PLANTS[options.plant](vehicle)
     target = _target(options, vehicle)
-    reason = _impossible(plant, target)
-    if reason:
-        note(reason)
-        return RUN_FAILED
+    why = _impossible(plant, target)
+    if why:
+        note(why)
+        return USAGE
     progress = Progress()
     progress.show("looking for the steady motion ...")
     motion = jax.jit(steady_motion)(plant, target)
@@ -67,7 +72,7 @@ def trim(options: argparse.Namespace) -> int:
     figure = save_glide(
         options.out / "trim.png", vehicle, plant, motion, analysis, options.plant
     )
-    note(f"{options.out}: trim.json and {figure.name}.")
+    note(f"{folder_name(options.out)}: trim.json and {figure.name}.")
     for name in beyond:
         note(f"{name} is beyond the actuator's limit: the vehicle cannot hold this.")
     return VIOLATED if beyond else OK

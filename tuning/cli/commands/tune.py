@@ -12,6 +12,7 @@ from tuning.cli.session.from_options import (
 from tuning.evaluation.report import text_report
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK
+from tuning.reporting.output_folder import folder_name
 
 
 def tune(options: argparse.Namespace) -> int:
@@ -28,5 +29,7 @@ def tune(options: argparse.Namespace) -> int:
     mission = None if options.config is None else str(options.config)
     content = result.save(options.out, command=sys.argv[1:], mission=mission)
     print_result(content, text_report(content), as_json=options.json)
-    note(f"{options.out}: gains.toml, history.csv, tune.json and report.md.")
+    note(
+        f"{folder_name(options.out)}: gains.toml, history.csv, tune.json and report.md."
+    )
     return INTERRUPTED if result.interrupted else OK

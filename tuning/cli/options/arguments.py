@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from tuning.cli.options.short_errors import Mission
+
 SCENARIOS = ("switching", "waypoints")
 PLANTS = ("printed", "rigid-body", "seawing")
 PAPER_CONTROLLERS = ("smc", "ppc", "fxtppc")
@@ -104,13 +106,31 @@ def add_dt(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_mission(parser: argparse.ArgumentParser, text: str) -> None:
+    """A mission file, named alone or by `--config`.
+
+    Args:
+        parser: parser of the command.
+        text: explanation of it.
+    """
+    parser.add_argument(
+        "config",
+        nargs="?",
+        type=Path,
+        action=Mission,
+        metavar="MISSION",
+        help="mission file, as --config FILE",
+    )
+    parser.add_argument(
+        "--config", type=Path, action=Mission, metavar="FILE", help=text
+    )
+
+
 def add_case(parser: argparse.ArgumentParser) -> None:
     """Options of the case: one of the paper's, or a mission file."""
-    parser.add_argument(
-        "--config",
-        type=Path,
-        metavar="FILE",
-        help="a mission of your own instead of a case of the paper: vehicle, "
+    add_mission(
+        parser,
+        "a mission of your own instead of a case of the paper: vehicle, "
         "actuators, sea, task and clock (`jaxglider init` writes one to start from)",
     )
     parser.add_argument("--scenario", choices=SCENARIOS, help="default: switching")

@@ -10,6 +10,7 @@ from tuning.cli.options.arguments import (
     PLANTS,
     SCENARIOS,
     add_dt,
+    add_mission,
     checked,
     law,
     positive,
@@ -22,19 +23,15 @@ def add_export(commands: Any) -> None:
     """`jaxglider export`."""
     text = "write a controller for use outside: C99, gains as TOML or JSON, StableHLO"
     parser = commands.add_parser("export", help=text, description=text + ".")
-    source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument(
+    parser.add_argument(
         "--gains",
         metavar="FILE",
         help="gains file, as `tune` writes it; or `paper`, or `tuned`",
     )
-    source.add_argument(
-        "--config", type=Path, metavar="FILE", help="mission file with the controller"
-    )
+    add_mission(parser, "mission file with the controller, instead of --gains")
     parser.add_argument(
         "--controller",
         type=law,
-        default="fxtppc",
         metavar="NAME",
         help=f"what `paper` or `tuned` stands for: {', '.join(CONTROLLERS)}, or "
         f"{OWN_LAW}, which `paper` takes as it begins; default: fxtppc",
@@ -73,6 +70,11 @@ def add_export(commands: Any) -> None:
         default=Path("results/export"),
         metavar="DIR",
         help="default: results/export",
+    )
+    parser.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="write to a folder that holds other files than those of an export, too",
     )
     parser.add_argument(
         "--json", action="store_true", help="print the result as JSON on stdout"

@@ -88,7 +88,6 @@ def _add_case(parser: argparse.ArgumentParser) -> None:
         "--controller",
         nargs="+",
         type=law,
-        default=["fxtppc"],
         metavar="NAME",
         help=f"what the words stand for, any of {', '.join(CONTROLLERS)}, or {OWN_LAW};"
         " default: fxtppc",

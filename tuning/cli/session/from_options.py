@@ -1,9 +1,10 @@
 """Options of the command line turned into values: the only reader of a Namespace."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
-from jaxglider.core.toml import ConfigError, file_text
+from jaxglider.core.toml import ConfigError, file_text, reason
 from jaxglider.files.law_paths import is_same_law
 from jaxglider.files.mission import load_mission, self_contained
 from jaxglider.files.uncertainty import load_uncertainty
@@ -14,7 +15,7 @@ from jaxglider.uncertainty.quantities import uniform_uncertainty
 from tuning.campaign.report.conclude import Conclusions
 from tuning.campaign.run.campaign import CampaignSettings
 from tuning.problem.case import FlightCase
-from tuning.problem.gain_sets import MISSION, PAPER
+from tuning.problem.gain_sets import MISSION, PAPER, TUNED
 from tuning.problem.objective_file import load_cost, read_objective
 from tuning.problem.spec import EnsembleSpec, ProblemSpec
 from tuning.reporting.console import note
@@ -169,7 +170,7 @@ def campaign_settings(
         ValueError: a file cannot be read.
     """
     case = flight_case(options)
-    words = options.gains or [MISSION if case.own is not None else PAPER]
+    words = gains_words(options)
     return CampaignSettings(
         scenario=case.title,
         plant=case.plant,
@@ -180,10 +181,32 @@ def campaign_settings(
         members=options.members,
         design=options.design,
         uncertainty=_text(half_width),
-        gains=case.resolve(words, options.controller),
+        gains=case.resolve(words, options.controller or ["fxtppc"]),
         until_ci=options.until_ci,
         mission=None if options.config is None else self_contained(options.config),
     )
+
+
+def gains_words(options: argparse.Namespace) -> list[str]:
+    """The words and files that `jaxglider sweep` is to take gains from."""
+    words: list[str] = options.gains or [PAPER if options.config is None else MISSION]
+    return words
+
+
+def note_needless_controller(
+    words: Sequence[str], controller: str | Sequence[str] | None
+) -> None:
+    """Say that `--controller` changes nothing where no gains ask for it.
+
+    Args:
+        words: words and files that gains are taken from.
+        controller: law or laws that were asked for, or None.
+    """
+    if controller and not {PAPER, TUNED} & set(words):
+        note(
+            f"--controller is not used: it goes with the words {PAPER} and {TUNED}; "
+            "gains files and missions say their own law."
+        )
 
 
 def conclusions(options: argparse.Namespace) -> Conclusions:
@@ -224,4 +247,4 @@ def _text(half_width: float | Path) -> float | str:
     try:
         return file_text(half_width)
     except OSError as error:
-        raise ConfigError(f"{half_width}: cannot be read ({error}).") from error
+        raise ConfigError(f"{half_width}: cannot be read ({reason(error)}).") from error
