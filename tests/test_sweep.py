@@ -473,7 +473,7 @@ def test_a_full_disk_ends_a_campaign_with_code_1(sweep, tmp_path, monkeypatch):
         patch.setattr(tuning.campaign.report.conclude, "write_members", full)
         code, _, err = sweep(RUN + "--members 1500 --out a --resume")
     assert code == 1
-    assert "No space left on device); 1500 members are safe. Make room" in err
+    assert "no space left on device); 1500 members are safe. Make room" in err
     assert sweep(RUN + "--members 1500 --out a --resume")[0] == 0
     assert sweep(RUN + "--members 1500 --out b")[0] == 0
     rows = [(tmp_path / f"{name}/rows.bin").read_bytes() for name in "ab"]
