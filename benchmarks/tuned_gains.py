@@ -22,6 +22,7 @@ from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import replacing, write_text
 from tuning.cli.options.arguments import CONTROLLERS, PLANTS, SCENARIOS
 from tuning.cli.session.jax_setup import start_jax
+from tuning.evaluation.final_gradient import GradientProbe
 from tuning.evaluation.held_out import Judge, compare_held_out
 from tuning.problem.problem import TuningProblem
 from tuning.problem.spec import ProblemSpec
@@ -51,12 +52,16 @@ def main() -> int:
         if name not in CASES:
             sys.stderr.write(f"{name} must be one of {', '.join(CASES)}.\n")
             return 2
-        if options.judge:
+        if options.judge or options.gradients:
             continue
         code = _tune(name, options.out / name, options.arguments)
         if code:
             return code
     start_jax(64, every_core=True)
+    if options.gradients:
+        for name in options.only or CASES:
+            _state_gradient(name)
+        return 0
     table = _table([_judge(name) for name in options.only or CASES])
     write_text(options.out / "tuned.md", table)
     sys.stdout.write(table)
@@ -69,6 +74,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--only", nargs="+", metavar="SCENARIO-PLANT-CONTROLLER")
     parser.add_argument(
         "--judge", action="store_true", help="tune nothing, write the table alone"
+    )
+    parser.add_argument(
+        "--gradients",
+        action="store_true",
+        help="tune nothing, write into each file what the gradient there is worth",
     )
     parser.add_argument(
         "arguments", nargs="*", help="of `jaxglider tune`, after `--`, for all cases"
@@ -108,6 +118,21 @@ def _tune(name: str, out: Path, more: list[str]) -> int:
         with replacing(_file(name)) as temporary:
             temporary.write_bytes((out / "gains.toml").read_bytes())
     return done.returncode
+
+
+def _state_gradient(name: str) -> None:
+    """Writes into a gains file what the gradient at its gains is worth."""
+    scenario, plant, controller = CASES[name]
+    spec = ProblemSpec.of_paper(scenario, plant, controller)
+    problem = TuningProblem.of(spec)
+    (gains,) = spec.case.resolve([str(_file(name))], [controller])
+    statement = GradientProbe(problem)(spec.case.loop(gains)[1])
+    sys.stderr.write(f"{name}: {statement.text()}\n")
+    text = _file(name).read_text(encoding="utf-8")
+    kept = [x for x in text.splitlines() if not x.startswith("gradient = ")]
+    place = kept.index("[provenance]") + 1
+    kept.insert(place, f'gradient = "{statement.text()}"')
+    write_text(_file(name), "\n".join(kept) + "\n")
 
 
 def _judge(name: str) -> dict[str, Any]:
