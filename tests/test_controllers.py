@@ -285,7 +285,9 @@ def test_the_roll_aware_law_adds_its_formulas_to_the_papers(step):
 
 def test_a_hedged_surface_settles_in_time_whatever_the_actuator_can_do():
     # A mass that turns by 0.1 rad at most, where the turn asks for all it can get.
-    setting = paper.make_scenario("switching", "rigid-body", duration=40.0)
+    setting = paper.make_scenario(
+        "switching", "rigid-body", duration=40.0, actuators="ideal"
+    )
     actuators = dataclasses.replace(setting.actuators, mass_angle=Actuator(0.1))
     setting = dataclasses.replace(setting, disturbance=Calm(), actuators=actuators)
     model = paper.design_model(setting.plant, 1.0)

@@ -19,10 +19,10 @@ from jaxglider.guidance import (
     WaypointPath,
 )
 from jaxglider.paper.laws import SCENARIOS, make_law
-from jaxglider.signals import GliderState, map_fields
+from jaxglider.signals import GliderState
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Clock, Scenario
-from jaxglider.vehicle.actuators import Actuator
+from jaxglider.vehicle.actuators import make_actuators
 from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.plant import AbstractPlant
 from jaxglider.vehicle.plants import PLANTS
@@ -92,6 +92,7 @@ def make_scenario(
     dt: float = 0.05,
     substeps: int = 1,
     duration: float | None = None,
+    actuators: str | None = None,
 ) -> Scenario:
     """One of the paper's cases on one of the plants.
 
@@ -102,6 +103,8 @@ def make_scenario(
         dt: control tick [s].
         substeps: integration steps per tick.
         duration: horizon [s]; the case's own by default.
+        actuators: `vehicle` for the rates of the vehicle's file, `ideal` for none, as
+            in the paper; by default `ideal` on `printed` and `vehicle` elsewhere.
 
     Raises:
         ValueError: an unknown name.
@@ -115,11 +118,20 @@ def make_scenario(
             DURATION[scenario] if duration is None else duration, dt, substeps
         ),
         plant=PLANTS[plant](data),
-        actuators=map_fields(Actuator, data.limits),
+        actuators=make_actuators(data, actuators or default_actuators(plant)),
         disturbance=disturbance(),
         reference=reference(scenario),
         initial_state=start,
     )
+
+
+def default_actuators(plant: str) -> str:
+    """The kind of actuators that a plant has where nothing is said.
+
+    Args:
+        plant: name of the plant; the printed one is the paper's, whose actuators jump.
+    """
+    return "ideal" if plant == "printed" else "vehicle"
 
 
 def design_model(plant: AbstractPlant, factor: float = DESIGN_FACTOR) -> DesignModel:

@@ -188,6 +188,8 @@ class VehicleData:
         limits: limits of its actuators [kg, m, rad].
         body: places of the masses, which the full equations need besides, or None if
             the file does not say.
+        rates: largest rates of its actuators [kg/s, m/s, rad/s], or None if the file
+            does not say.
         doubts: doubts about the numbers, by their keys.
     """
 
@@ -195,4 +197,5 @@ class VehicleData:
     parameters: GliderParameters
     limits: Command[Scalar]
     body: BodyParameters | None = None
+    rates: Command[Scalar] | None = None
     doubts: Mapping[str, str] = dataclasses.field(default_factory=dict)

@@ -16,7 +16,7 @@ from jaxglider.vehicle.parameters import (
     VehicleData,
 )
 
-_TABLES = ("name", "parameters", "limits", "body")
+_TABLES = ("name", "parameters", "limits", "rates", "body")
 
 
 def vehicle_names() -> list[str]:
@@ -53,9 +53,15 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
     Raises:
         ValueError: unknown or missing parameter, or a bad value.
     """
-    tables = {"parameters": GliderParameters, "limits": Command, "body": BodyParameters}
-    if "body" not in data:
-        del tables["body"]
+    tables = {
+        "parameters": GliderParameters,
+        "limits": Command,
+        "rates": Command,
+        "body": BodyParameters,
+    }
+    for optional in ("rates", "body"):
+        if optional not in data:
+            del tables[optional]
     try:
         refuse_unknown([k for k in data if k not in _TABLES], list(_TABLES), "")
     except ValueError as error:
@@ -70,6 +76,7 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
             parameters=GliderParameters(**values["parameters"]),
             limits=Command(**values["limits"]),
             body=BodyParameters(**values["body"]) if "body" in values else None,
+            rates=Command(**values["rates"]) if "rates" in values else None,
             doubts=_doubts(data, tables),
         )
     except ValueError as error:
@@ -152,7 +159,7 @@ def _units() -> dict[str, str]:
     data = tomllib.loads(vehicle_text("seawing"))
     return {
         f"{table}.{key}": entry["unit"]
-        for table in ("parameters", "limits", "body")
+        for table in ("parameters", "limits", "rates", "body")
         for key, entry in data[table].items()
     }
 
