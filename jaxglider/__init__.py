@@ -12,6 +12,7 @@ from jaxglider.control import Inversion as Inversion
 from jaxglider.control import RollAwareFxTPPC as RollAwareFxTPPC
 from jaxglider.control.observer import FixedTimeObserver as FixedTimeObserver
 from jaxglider.control.observer import NoObserver as NoObserver
+from jaxglider.control.specification import Specification as Specification
 from jaxglider.control.transform import ErrorTransformation as ErrorTransformation
 from jaxglider.core.batching import map_members as map_members
 from jaxglider.core.batching import member_keys as member_keys

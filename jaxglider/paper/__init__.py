@@ -9,6 +9,7 @@ from jaxglider.paper.cases import guidance as guidance
 from jaxglider.paper.cases import make_loop as make_loop
 from jaxglider.paper.cases import make_scenario as make_scenario
 from jaxglider.paper.cases import reference as reference
+from jaxglider.paper.cases import specification as specification
 from jaxglider.paper.cases import vertical_schedule as vertical_schedule
 from jaxglider.paper.laws import CONTROLLERS as CONTROLLERS
 from jaxglider.paper.laws import ROLL_AWARE as ROLL_AWARE

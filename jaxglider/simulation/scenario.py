@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglider.control.funnel import Funnel
+from jaxglider.control.specification import Specification
 from jaxglider.core.containers import (
     Container,
     Scalar,
@@ -90,8 +90,8 @@ class Scenario(Container):
         reference: the task.
         initial_state: state of the glider at time zero.
         sensors: errors of the measurement by the name of the state, or None for none.
-        funnel: funnel that errors are judged by, whoever steers; None for the
-            controller's own. Give one to compare controllers: each could widen its own.
+        specification: bounds prescribed, whoever steers; None to judge errors by the
+            law's own funnel, which a law could widen, and nothing else.
         water: currents and density, or None for water at rest, the same at every depth.
         origin: place that positions count from; static, since no program uses it.
 
@@ -107,7 +107,7 @@ class Scenario(Container):
     reference: AbstractReference
     initial_state: GliderState
     sensors: Mapping[str, Sensor] | None = None
-    funnel: Funnel | None = None
+    specification: Specification | None = None
     water: Water | None = None
     origin: Origin = eqx.field(static=True, default=MAP_ZERO)
 
