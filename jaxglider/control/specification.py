@@ -182,11 +182,16 @@ def initial_of(form: type[AbstractPerformanceFunction], falling: Scalar) -> Scal
     Outside the range the nearest end of it: 0, 10, or 1 for the exponential form.
     """
     if form is SechFunction:
-        share = jnp.arccosh(1.0 / jnp.clip(falling, 1.0 / math.cosh(1.0), 1.0))
-        return jnp.arccosh(1.0 / jnp.clip(share, 1.0 / math.cosh(10.0), 1.0))
+        share = _arcsech(falling)
+        return jnp.where(falling <= 1.0 / math.cosh(1.0), 0.0, _arcsech(share))
     if form is HalfSechFunction:
-        return jnp.arccosh(0.5 / jnp.clip(falling, 0.5 / math.cosh(10.0), 0.5))
+        return _arcsech(2.0 * falling)
     return jnp.maximum(falling, 1.0)
+
+
+def _arcsech(y: Scalar) -> Scalar:
+    """The inverse of sech up to 10; kept clear of 1, where its slope is infinite."""
+    return jnp.arccosh(1.0 / jnp.clip(y, 1.0 / math.cosh(10.0), 1.0 - 1e-9))
 
 
 def _by_bisection(
@@ -203,19 +208,20 @@ def _by_bisection(
     # A hundredth below the specified start, so that there is a T > 0 for it.
     reach = 0.99 * top
     if form is HalfSechFunction:
-        least = float(initial_of(form, min(reach, 0.499)))
+        least = float(initial_of(form, jnp.asarray(min(reach, 0.499))))
         initial, span = least, Interval(least, closed_low=True)
     else:
         limit = 0.999 if form is SechFunction else math.inf
-        initial = float(initial_of(form, min(reach, limit)))
+        initial = float(initial_of(form, jnp.asarray(min(reach, limit))))
+        if form is SechFunction:
+            # sech(P₀) stays above P_∞.
+            initial = min(initial, math.acosh(1.0 / min(1.0, 1.001 * bound)))
         low = 1.0 if form is ExponentialFunction else 0.0
         span = Interval(
             low, initial, closed_low=form is ExponentialFunction, closed_high=True
         )
         if not initial > low:
             return None
-    if form is SechFunction and not bound < 1.0 / math.cosh(initial):
-        return None
     low, high = 0.0, time
     for _ in range(40):
         middle = 0.5 * (low + high)
@@ -228,6 +234,5 @@ def _inside(one: _Known, other: _Known) -> bool:
     """Whether P(tᵢ) ≤ P_spec(tᵢ₊₁) on a grid up to the end of both."""
     end = float(other.settling_time)
     grid = jnp.asarray(np.linspace(0.0, end, _GRID))
-    mine = np.asarray(one(grid).value)
-    theirs = np.asarray(other(grid).value)
+    mine, theirs = (np.asarray(jax.vmap(p)(grid).value) for p in (one, other))
     return bool(np.all(mine[:-1] <= theirs[1:] + 1e-12))

@@ -9,14 +9,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxglider.control import FxTPPC
 from jaxglider.files.writing import replacing, write_text
 from jaxglider.plotting import errors
 from jaxglider.plotting.style import look
-from jaxglider.signals import CHANNEL_UNITS, CHANNELS
+from jaxglider.signals import CHANNEL_UNITS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory
 from tuning.evaluation.held_out import MEASURES
+from tuning.evaluation.settling_table import settling_table
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.tables import figure, outcome
 from tuning.search.settings import Step
@@ -124,7 +124,7 @@ def write_tuning_report(
         for name, figure in figures.items():
             with replacing(out / name) as temporary:
                 figure.savefig(temporary, dpi=150)
-    settling = _settling_table(tuned, runs)
+    settling = settling_table(tuned, runs)
     write_text(out / "report.md", _markdown(result, settling))
 
 
@@ -221,37 +221,6 @@ def errors_figure(runs: dict[str, Trajectory]) -> Figure:
     figure = Figure(figsize=(5.0, 5.6), layout="constrained")
     errors(figure.subplots(3, sharex=True), runs)
     return figure
-
-
-def _settling_table(tuned: ClosedLoop, runs: dict[str, Trajectory]) -> list[str]:
-    """The theory's settling bound beside the settling seen, for FxTPPC."""
-    law = getattr(tuned.controller, "law", tuned.controller)
-    if not isinstance(law, FxTPPC):
-        return []
-    rows = [
-        "| channel | bound 2 mu/min(k1, k2) [s] | longest time to stay within "
-        "the final bound, nominal [s] |",
-        "|---|---:|---:|",
-    ]
-    for channel in CHANNELS:
-        gains = getattr(law.gains, channel)
-        settling = settling_seen(runs["after"], channel)
-        rows.append(f"| {channel} | {float(gains.settling_bound()):.4g} | {settling} |")
-    return rows
-
-
-def settling_seen(run: Trajectory, channel: str) -> str:
-    """Time after a funnel's restart at which an error last left its final bound [s]."""
-    ticks = run.ticks
-    active = np.asarray(ticks.active)
-    limits = getattr(ticks.limits, channel)
-    lower, upper = np.asarray(limits.lower)[active], np.asarray(limits.upper)[active]
-    error = np.asarray(getattr(ticks.error, channel))[active]
-    clock = np.asarray(ticks.clock)[active]
-    outside = (error < lower.max()) | (error > upper.min())
-    if not np.any(outside):
-        return "0.0"
-    return f"{clock[outside].max():.1f}"
 
 
 def _markdown(result: dict[str, Any], settling: list[str]) -> str:

@@ -63,7 +63,9 @@ class TuningProblem:
         ensemble = spec.ensemble
         uncertainty = ensemble.on(spec.loop)
         loop = dataclasses.replace(spec.loop, scenario=uncertainty.scenario)
-        space = Space.of(loop, spec.paths, spec.constraints)
+        space = Space.of(
+            loop, spec.paths, spec.constraints, spec.disturbance_rate_bound
+        )
 
         def draw(kind: int, count: int) -> Member:
             if ensemble.training == 1:

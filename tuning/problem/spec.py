@@ -6,6 +6,7 @@ from typing import Any
 
 from jaxglider.control import AbstractController
 from jaxglider.files.codec import FAMILIES
+from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Clock
 from jaxglider.uncertainty.members import Uncertainty
@@ -17,7 +18,8 @@ from tuning.problem.fingerprint import fingerprint
 from tuning.problem.gain_sets import PAPER
 from tuning.problem.objective import Cost, Weights
 from tuning.problem.objective_file import DEFAULT_WEIGHTS
-from tuning.space.coordinates import K1_BELOW_K2, tunable_paths
+from tuning.space.coordinates import tunable_paths
+from tuning.space.space import HELD_BY_DEFAULT
 
 
 def name_of(controller: AbstractController) -> str:
@@ -92,6 +94,8 @@ class ProblemSpec:
         aggregate: mean, CVaR or soft worst of the members' costs.
         constraints: names of the coupled constraints that are held; each gain's own
             set is always held.
+        disturbance_rate_bound: bounds on the rate of each axis' disturbance [N/s, N
+            m/s], for the constraint `observer-set`.
         gradient_memory: memory of the gradient that is descended [s], positive; None
             for the exact one. See `evaluate`.
 
@@ -107,7 +111,8 @@ class ProblemSpec:
     weights: Weights = DEFAULT_WEIGHTS
     cost: Cost | None = None
     aggregate: AbstractAggregate = MEAN
-    constraints: tuple[str, ...] = (K1_BELOW_K2,)
+    constraints: tuple[str, ...] = HELD_BY_DEFAULT
+    disturbance_rate_bound: BodyAxes[float] | None = None
     gradient_memory: float | None = 60.0
 
     def __post_init__(self) -> None:

@@ -12,6 +12,13 @@ SCENARIOS = ("switching", "waypoints")
 PLANTS = ("printed", "rigid-body", "seawing")
 PAPER_CONTROLLERS = ("smc", "ppc", "fxtppc")
 CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll")
+HELD_BY_DEFAULT = (
+    "k1-below-k2-squared",
+    "inside-specification",
+    "restart-inside",
+    "surface-settles",
+)
+HELD_ON_REQUEST = ("observer-set", "equal-edges")
 OWN_LAW = "FILE.py:ClassName for a law of your own"
 
 
