@@ -28,11 +28,14 @@ class Edge:
         at: the edge, or both, as a function of the partner gains; traced.
         rule: the set in words.
         holds: whether a gain is in the set, given its partners; plain numbers, exact.
+        moved: sentence on a start that had to be moved, `{paths}` in it; empty for one
+            with the numbers.
     """
 
     at: Callable[..., Any]
     rule: str
     holds: Callable[..., bool]
+    moved: str = ""
 
 
 def _sech(x: Scalar) -> Scalar:

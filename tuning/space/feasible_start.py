@@ -112,9 +112,10 @@ def _move(c: Coordinate, start: dict[str, float], free: Collection[str]) -> str:
         )
     if c.bijection.has_room_for(old, edge):
         return ""
-    if isinstance(c.bijection, Within) and c.partners:
+    if c.edge.moved or (isinstance(c.bijection, Within) and c.partners):
         start[c.path] = c.bijection.inside(old, edge, _INSIDE)
-        return f"{{paths}} (set: {c.edge.rule}): the search starts from just inside."
+        plain = f"{{paths}} (set: {c.edge.rule}): the search starts from just inside."
+        return c.edge.moved or plain
     if not c.partners:
         start[c.path] = c.bijection.inside(old, edge, _INSIDE)
         return (

@@ -24,6 +24,10 @@ RESTART = "restart-inside"
 
 _SLACK = 1e-6
 """Share by which rounding may miss an edge that another number gives."""
+_MOVED = (
+    "The funnel begins just inside of what is specified: {paths} start at its edge or "
+    "outside."
+)
 _CAP = 20.0
 """Largest P₀: sech(20) is 4e-9."""
 
@@ -31,8 +35,8 @@ _CAP = 20.0
 def _fixed(edge: float, rule: str, *, above: bool = False) -> Edge:
     """An edge that depends on no other gain."""
     if above:
-        return Edge(lambda *_: edge, rule, lambda x, *_: x >= edge)
-    return Edge(lambda *_: edge, rule, lambda x, *_: 0.0 < x <= edge)
+        return Edge(lambda *_: edge, rule, lambda x, *_: x >= edge, _MOVED)
+    return Edge(lambda *_: edge, rule, lambda x, *_: 0.0 < x <= edge, _MOVED)
 
 
 class FunnelBox:
@@ -131,7 +135,7 @@ class FunnelBox:
         ends = (low * (1.0 + 1e-3), high)
         return (
             Within(),
-            Edge(lambda *_: ends, rule, lambda x, *_: low <= x <= high),
+            Edge(lambda *_: ends, rule, lambda x, *_: low <= x <= high, _MOVED),
             (),
         )
 
@@ -145,7 +149,9 @@ class FunnelBox:
                 return Below(), _fixed(high, rule), ()
             return (
                 Within(),
-                Edge(lambda *_: (low, high), rule, lambda x, *_: low <= x <= high),
+                Edge(
+                    lambda *_: (low, high), rule, lambda x, *_: low <= x <= high, _MOVED
+                ),
                 (),
             )
         needed, widest = self._jump, self._widest()
@@ -161,7 +167,7 @@ class FunnelBox:
             return low <= x <= high and widest * start >= needed * (1.0 - _SLACK)
 
         rule += f", and P(0) at least the jump {needed:.3g} at a restart"
-        return Within(), Edge(ends, rule, holds), (self._path["final_bound"],)
+        return Within(), Edge(ends, rule, holds, _MOVED), (self._path["final_bound"],)
 
     def _side(self, side: str) -> tuple[Bijection, Edge, Any]:
         high, needed, form = self._delta[side], self._jump, self._form
@@ -178,7 +184,7 @@ class FunnelBox:
 
         rule += f", times P(0) at least the jump {needed:.3g} at a restart"
         partners = (self._path["initial"], self._path["final_bound"])
-        return Within(), Edge(ends, rule, holds), partners
+        return Within(), Edge(ends, rule, holds, _MOVED), partners
 
     def _say_what_is_fixed_outside(self, box: FunnelBounds) -> None:
         limits = {
