@@ -77,8 +77,8 @@ class Mission:
         model: design model that laws for this mission begin with.
         plant: name of the plant.
         remarks: oddities of a course that can be flown.
-        stand_ins: sentence on what is the paper's because its table is left out; empty
-            where nothing is.
+        stand_ins: sentences on what is the paper's or the vehicle's because its table
+            is left out; empty where nothing is.
     """
 
     name: str
@@ -150,7 +150,9 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     parts = (
         read_clock(top.table("clock")),
         plant,
-        read_actuators(top.table("actuators"), vehicle.limits),
+        read_actuators(
+            top.table("actuators"), vehicle, paper.default_actuators(plant_name)
+        ),
         read_disturbance(top.tables("disturbance")),
         read_reference(task, law.guidance or paper.guidance(), origin),
         read_initial_state(start, origin),
@@ -177,10 +179,15 @@ def _stand_ins(data: dict[str, Any]) -> str:
     missing = [name for name in _OF_THE_PAPER if "." not in name and name not in data]
     if "schedule" not in data.get("reference", {"schedule": None}):
         missing.append("reference.schedule")
+    plant = data.get("vehicle", {}).get("plant", "printed")
+    rates = ""
+    if "actuators" not in data and paper.default_actuators(plant) == "vehicle":
+        rates = "the actuators move as fast as the vehicle's file says."
     if not missing:
-        return ""
+        return rates
     words = "; ".join(f"{name}: {_OF_THE_PAPER[name]}" for name in missing)
-    return f"tables that the mission leaves out are the paper's ({words})."
+    said = f"tables that the mission leaves out are the paper's ({words})."
+    return f"{said} {rates}".strip()
 
 
 def paper_case(has_waypoints: bool) -> str:

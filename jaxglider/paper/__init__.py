@@ -3,6 +3,7 @@
 from jaxglider.paper.cases import DESIGN_FACTOR as DESIGN_FACTOR
 from jaxglider.paper.cases import DURATION as DURATION
 from jaxglider.paper.cases import attitude_schedule as attitude_schedule
+from jaxglider.paper.cases import default_actuators as default_actuators
 from jaxglider.paper.cases import design_model as design_model
 from jaxglider.paper.cases import disturbance as disturbance
 from jaxglider.paper.cases import guidance as guidance

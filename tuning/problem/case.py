@@ -39,7 +39,12 @@ class FlightCase:
 
     @classmethod
     def of_paper(
-        cls, kind: str, plant: str, dt: float | None, duration: float | None
+        cls,
+        kind: str,
+        plant: str,
+        dt: float | None,
+        duration: float | None,
+        actuators: str | None = None,
     ) -> "FlightCase":
         """One of the paper's cases.
 
@@ -48,11 +53,14 @@ class FlightCase:
             plant: name of the plant.
             dt: control tick [s]; 0.05 by default.
             duration: horizon [s]; the case's own by default.
+            actuators: `vehicle`, `ideal`, or None for those of the plant.
 
         Raises:
             ValueError: a number is out of range.
         """
-        scenario = paper.make_scenario(kind, plant, dt=dt or DT, duration=duration)
+        scenario = paper.make_scenario(
+            kind, plant, dt=dt or DT, duration=duration, actuators=actuators
+        )
         return cls(kind, kind, plant, scenario, paper.design_model(scenario.plant))
 
     @classmethod

@@ -154,6 +154,7 @@ class ProblemSpec:
         gains: str = PAPER,
         dt: float | None = None,
         duration: float | None = None,
+        actuators: str | None = None,
         **more: Any,
     ) -> "ProblemSpec":
         """The problem of tuning a control law in one of the paper's cases.
@@ -165,12 +166,13 @@ class ProblemSpec:
             gains: gains to start from: `paper`, `tuned` or the path of a file.
             dt: control tick [s]; the case's own by default.
             duration: horizon [s]; the case's own by default.
+            actuators: `vehicle`, `ideal`, or None for those of the plant.
             **more: further attributes.
 
         Raises:
             ValueError: a name is unknown, a number out of range, or a file unusable.
         """
-        case = FlightCase.of_paper(scenario, plant, dt, duration)
+        case = FlightCase.of_paper(scenario, plant, dt, duration, actuators)
         (chosen,) = case.resolve([gains], [controller])
         name, loop = case.loop(chosen)
         return cls(case, name, loop, **more)

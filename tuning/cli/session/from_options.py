@@ -47,7 +47,9 @@ def flight_case(options: argparse.Namespace) -> FlightCase:
         return FlightCase.of_mission(mission, options.duration)
     scenario = options.scenario or "switching"
     plant = options.plant or "rigid-body"
-    return FlightCase.of_paper(scenario, plant, options.dt, options.duration)
+    return FlightCase.of_paper(
+        scenario, plant, options.dt, options.duration, options.actuators
+    )
 
 
 def refuse_beside_mission(options: argparse.Namespace) -> None:
@@ -58,7 +60,7 @@ def refuse_beside_mission(options: argparse.Namespace) -> None:
     """
     if options.config is None:
         return
-    for name in ("scenario", "plant", "dt"):
+    for name in ("scenario", "plant", "dt", "actuators"):
         if getattr(options, name) is not None:
             raise ValueError(
                 f"--{name} does not go with --config; the mission file "
@@ -180,6 +182,7 @@ def campaign_settings(
         plant=case.plant,
         dt=options.dt,
         duration=options.duration,
+        actuators=options.actuators,
         precision=options.precision,
         seed=options.seed,
         members=options.members,
