@@ -95,7 +95,7 @@ def unit(column: str) -> str:
     channel, _, measure = column.rpartition(".")
     if measure in ("max_error", "max_error_settled", "rms_error"):
         return CHANNEL_UNITS[channel]
-    if measure in ("rms_effort", "chattering"):
+    if measure in ("rms_effort", "chattering", "travel"):
         return _EFFORTS[channel]
     for axis in AXES:
         if column.endswith(f"_{axis}"):
