@@ -172,7 +172,7 @@ def decode_gains(
     top = TomlTable(data, "")
     controller_table = TomlTable(top.get("controller"), "controller")
     kind, text = kind_of(controller_table)
-    # Numbers from before there was a choice say nothing of steering, and mean inversion.
+    # Numbers from before there was a choice say nothing of steering: inversion.
     older = INVERSION if _is_older(data["controller"]) else None
     law = first_gains(kind, scenario, model, funnel, text, older)
     controller = decode(law.controller, controller_table.rest(), "controller")
