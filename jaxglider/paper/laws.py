@@ -85,32 +85,29 @@ def default_steering(model: DesignModel) -> AbstractSteering:
 
 def _smc(scenario: str, model: DesignModel, steering: AbstractSteering) -> SMC:
     """Its funnel only serves to judge it by the same bounds."""
-    by_bank = isinstance(steering, BankSteering)
-    return SMC(
-        model,
-        c0=Channels(0.1, 0.1, 0.02 if by_bank else 0.1),
-        c1=Channels(1.0, 1.0, 0.05 if by_bank else 1.0),
-        c2=Channels(5.0, 5.0, 0.001 if by_bank else 5.0),
-        funnel=funnel(scenario),
-        steering=steering,
-    )
+    if isinstance(steering, BankSteering):
+        c0, c1 = Channels(0.05, 0.1, 0.05), Channels(0.2, 0.3, 0.1)
+        c2 = Channels(0.002, 0.002, 0.002)
+    else:
+        c0, c1 = Channels(0.1, 0.1, 0.1), Channels(1.0, 1.0, 1.0)
+        c2 = Channels(5.0, 5.0, 5.0)
+    return SMC(model, c0, c1, c2, funnel=funnel(scenario), steering=steering)
 
 
 def _ppc(scenario: str, model: DesignModel, steering: AbstractSteering) -> PPC:
-    by_bank = isinstance(steering, BankSteering)
-    return PPC(
-        model,
-        funnel(scenario, HalfSechFunction),
-        l0=Channels(0.1, 0.1, 0.03 if by_bank else 0.1),
-        l1_margin=Channels(0.1, 0.1, 0.05 if by_bank else 0.1),
-        l2=Channels(1.0, 1.0, 0.001 if by_bank else 3.0),
-        steering=steering,
-    )
+    if isinstance(steering, BankSteering):
+        l0, margin = Channels(0.05, 0.1, 0.03), Channels(0.05, 0.1, 0.1)
+        l2 = Channels(0.002, 0.01, 0.002)
+    else:
+        l0, margin = Channels(0.1, 0.1, 0.1), Channels(0.1, 0.1, 0.1)
+        l2 = Channels(1.0, 1.0, 3.0)
+    bounds = funnel(scenario, HalfSechFunction)
+    return PPC(model, bounds, l0=l0, l1_margin=margin, l2=l2, steering=steering)
 
 
 def _fxtppc(scenario: str, model: DesignModel, steering: AbstractSteering) -> FxTPPC:
     if isinstance(steering, BankSteering):
-        # Softer about zero by a larger mu: for actuators that cannot chatter along.
+        # A larger mu is softer about zero.
         gains = Channels(
             ChannelGains(0.0005, 0.05, mu=4.0),
             ChannelGains(0.005, 0.1, mu=4.0),
@@ -159,8 +156,8 @@ def make_controller(
 ) -> AbstractController:
     """A law with the gains it begins with: the paper's where it inverts.
 
-    A law that steers by bank has gains of its own for the heading, where the paper's
-    mean nothing, and FxTPPC softer ones for all channels.
+    A law that steers by bank begins with gains of its own: the paper's for the heading
+    mean nothing there, and its others chatter against actuators that have a speed.
 
     Args:
         name: name of the law in the catalogue; `fxtppc-roll` has those of `fxtppc`, and
