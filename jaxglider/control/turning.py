@@ -17,9 +17,12 @@ v' = −a v + … + b φ,   Ω' = c v − e Ω + f φ,
 
 b from the lift, f from the water's pitching moment, which a rolled glider has about the
 vertical. With the slip eliminated, Ω'' = −T Ω' − D Ω + N φ: T = a + e, N = c b + a f.
-N has the sign of the lift, and neither weight nor moving mass are in it: where a mass
-angle yaws the glider one way at once and turns it the other way in the end, a bank does
-not.
+
+Lift and angle of attack are those of the steady glide that belongs to pitch and speed,
+L = −K_D0 u² cotθ: along the axis the net weight pulls against the drag, across it
+against the lift. So N has the sign of the glide, and neither pump nor a passing heave
+turn it round. Weight and moving mass are not in it: where a mass angle yaws the glider
+one way at once and turns it the other way in the end, a bank does not.
 
 Source: Newton's laws on the design model; own derivation.
 """
@@ -28,9 +31,11 @@ import equinox as eqx
 import jax
 
 from jaxglider.core.containers import Scalar
-from jaxglider.signals import BodyAxes, Measurement
+from jaxglider.signals import Measurement
 from jaxglider.vehicle.design_model import DesignModel
-from jaxglider.vehicle.hydrodynamics import coriolis, hydrodynamics
+
+LEVEL = 0.05
+"""Sine of a pitch below which a glider counts as level, with no lift to turn it."""
 
 
 class TurnModel(eqx.Module):
@@ -56,7 +61,7 @@ def turn_model(model: DesignModel, measurement: Measurement) -> TurnModel:
         measurement: measured state of the glider.
     """
     c, a, nu = model.parameters, measurement.attitude, measurement.state.velocity()
-    u, w, speed = nu.surge, nu.heave, abs(nu.surge)
+    u, speed = nu.surge, abs(nu.surge)
     m1, m2, m3 = c.surge_mass, c.sway_mass, c.heave_mass
     # The vertical in the body frame.
     x, y, z = -a.sin_pitch, a.cos_pitch * a.sin_roll, a.cos_pitch * a.cos_roll
@@ -68,8 +73,12 @@ def turn_model(model: DesignModel, measurement: Measurement) -> TurnModel:
     inverse = 1.0 / (
         c.roll_inertia * x * x + c.pitch_inertia * y * y + c.yaw_inertia * z * z
     )
-    not_turning = BodyAxes(u, nu.sway, w, *(0.0 * nu.roll,) * 3)
-    water = hydrodynamics(c, nu) + coriolis(c, not_turning)
+    cotangent = a.cos_pitch * a.sin_pitch / (a.sin_pitch * a.sin_pitch + LEVEL * LEVEL)
+    lift = -c.drag * u * u * cotangent
+    w = -u * (c.drag * cotangent + c.lift_offset) / (c.drag + c.lift_slope)
+    pitching = c.pitch_moment_offset * u * u + w * (
+        c.pitch_moment_slope * speed + (m3 - m1) * u
+    )
     slip_damping = (c.drag - c.side_force_slope) * speed / m2
     turn_damping = -(
         c.yaw_damping * a.cos_pitch * a.cos_pitch
@@ -80,6 +89,6 @@ def turn_model(model: DesignModel, measurement: Measurement) -> TurnModel:
     return TurnModel(
         rate=inverse * momentum,
         response=inverse
-        * (slip_damping * a.cos_pitch * water.pitch - turn_by_slip * water.heave / m2),
+        * (slip_damping * a.cos_pitch * pitching + turn_by_slip * lift / m2),
         damping=slip_damping + inverse * turn_damping * u * u,
     )
