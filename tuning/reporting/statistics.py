@@ -62,6 +62,19 @@ def probability(events: np.ndarray, level: float = LEVEL) -> dict[str, Any]:
     }
 
 
+def bonferroni(level: float, intervals: int) -> float:
+    """Level of each of some intervals so that all hold at once at a level.
+
+    1 − (1 − level)/m: the chance that any of m misses is at most the sum of theirs,
+    whatever they have to do with each other.
+
+    Args:
+        level: level of confidence of all together.
+        intervals: m, number of intervals.
+    """
+    return 1.0 - (1.0 - level) / intervals
+
+
 def quantile(values: np.ndarray, share: float, level: float = LEVEL) -> dict[str, Any]:
     """A quantile and the two order statistics that enclose it.
 

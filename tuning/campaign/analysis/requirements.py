@@ -1,5 +1,9 @@
 """Requirements on a campaign, as `p_violation<0.01`; nothing here imports JAX.
 
+`spec<0.05`, or `spec` alone for that, asks how likely a member breaks any part of the
+specification: a funnel, the bank limit, the saturated share. Its interval and those of
+the parts hold at once, by Bonferroni's correction.
+
 A requirement is met where the whole confidence interval is on the right side. Where
 only the estimate is, the members are too few to say so, and that does not count as met.
 """
@@ -25,6 +29,9 @@ PROBABILITIES = (
     "p_unfinished",
     "p_failure",
 )
+SPECIFICATION = "spec"
+"""The whole specification, as a quantity: the probability of breaking any part."""
+_DEFAULT_SHARE = 0.05
 STATISTICS = ("mean", "q05", "q50", "q95", "q99", "cvar95", "worst")
 _OPERATORS = {
     "<=": operator.le,
@@ -69,6 +76,8 @@ class Requirement:
                 f"are {', '.join(labels)}."
             )
         measure = self.quantity.rpartition(".")[0]
+        if self.quantity == SPECIFICATION:
+            return
         if self.quantity not in PROBABILITIES and measure not in measures:
             raise ValueError(
                 f"--require {self.text}: there is no measure {measure!r}; choose from "
@@ -97,15 +106,22 @@ class Requirement:
             verdict = "not shown"
         else:
             verdict = "met"
-        return {
+        entry = {
             "requirement": self.text,
             "controller": label,
             "estimate": estimate,
             "interval": interval,
             "verdict": verdict,
         }
+        if self.quantity == SPECIFICATION:
+            entry["correction"] = f"Bonferroni, {len(summary.broken)} intervals"
+            entry["parts"], entry["limit"] = summary.broken, self.limit
+        return entry
 
     def _look_up(self, summary: "ControllerSummary") -> tuple[float | None, Any]:
+        if self.quantity == SPECIFICATION:
+            entry = summary.broken["any"]
+            return entry["p"], entry["simultaneous"]
         if self.quantity in PROBABILITIES:
             entry = summary.probabilities[self.quantity]
             return entry["p"], entry["interval"]
@@ -122,7 +138,8 @@ def requirement(text: str) -> Requirement:
     Raises:
         argparse.ArgumentTypeError: it cannot be read.
     """
-    form = _FORM.match(text)
+    whole = text.strip().endswith(SPECIFICATION)
+    form = _FORM.match(f"{text}<{_DEFAULT_SHARE}" if whole else text)
     limit = None
     if form:
         try:
@@ -135,16 +152,17 @@ def requirement(text: str) -> Requirement:
             f"a finite number; received {text!r}."
         )
     quantity = form[2]
-    if quantity in PROBABILITIES and not 0.0 <= limit <= 1.0:
+    of_probability = quantity in (*PROBABILITIES, SPECIFICATION)
+    if of_probability and not 0.0 <= limit <= 1.0:
         raise argparse.ArgumentTypeError(
             f"a probability is compared with a number in [0, 1]; received {text!r}."
         )
-    known = quantity in PROBABILITIES or quantity.rpartition(".")[2] in STATISTICS
+    known = of_probability or quantity.rpartition(".")[2] in STATISTICS
     if not known:
         raise argparse.ArgumentTypeError(
-            f"{quantity!r} is no quantity: give one of {', '.join(PROBABILITIES)}, or "
-            "a measure with a statistic, as heading.rms_error.q95 (statistics: "
-            f"{', '.join(STATISTICS)})."
+            f"{quantity!r} is no quantity: give {SPECIFICATION}, one of "
+            f"{', '.join(PROBABILITIES)}, or a measure with a statistic, as "
+            f"heading.rms_error.q95 (statistics: {', '.join(STATISTICS)})."
         )
     return Requirement(
         text=text,

@@ -7,7 +7,7 @@ import numpy as np
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.rows import Rows, metrics_and_witness
 from tuning.reporting.ledger import ledger, to_dict
-from tuning.reporting.statistics import probability
+from tuning.reporting.statistics import bonferroni, probability
 from tuning.reporting.violations import broken
 
 
@@ -15,6 +15,9 @@ def specified_part(
     campaign: Campaign, table: Rows, number: int, level: float
 ) -> dict[str, Any]:
     """The fields `broken` and `ledger` of the summary of one set of gains.
+
+    Each part has an interval of its own, and one that holds with those of all other
+    parts, and of any part, at once.
 
     Args:
         campaign: campaign that the rows belong to.
@@ -25,8 +28,13 @@ def specified_part(
     loop = campaign.loops[number]
     flags = table.violations(number, loop.scenario.specification)
     parts = {"any": broken(flags), **flags}
+    corrected = bonferroni(level, len(parts))
     metrics, witness = metrics_and_witness(np.array(table.rows["metrics"][:, number]))
     return {
-        "broken": {name: probability(flag, level) for name, flag in parts.items()},
+        "broken": {
+            name: probability(flag, level)
+            | {"simultaneous": probability(flag, corrected)["interval"]}
+            for name, flag in parts.items()
+        },
         "ledger": to_dict(ledger(loop, metrics, witness, level=level)),
     }

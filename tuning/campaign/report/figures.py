@@ -1,5 +1,6 @@
 """The figures of a campaign, one function each: takes axes, returns axes."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -7,8 +8,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from jaxglider.plotting.style import FAINT, INK, flat, label_time, legend_above, styles
+from jaxglider.plotting.style import (
+    FAINT,
+    INK,
+    SHADE,
+    flat,
+    label_time,
+    legend_above,
+    styles,
+)
 from jaxglider.signals import CHANNELS
+from tuning.campaign.analysis.bisection import Threshold
 from tuning.campaign.analysis.ribbons import Ribbons
 from tuning.campaign.analysis.summary import CampaignSummary
 from tuning.campaign.run.rows import Rows
@@ -208,6 +218,45 @@ def levels(axis: Axes, summaries: Sequence[CampaignSummary]) -> Axes:
             label=label,
         )
     axis.set(xlabel="half width of the uncertainty (%)", ylabel="P(left a funnel)")
+    axis.set_ylim(-0.02, 1.02)
+    legend_above(axis, axis.get_legend_handles_labels()[0])
+    return axis
+
+
+def specification(
+    axis: Axes, summaries: Sequence[CampaignSummary], threshold: Threshold | None
+) -> Axes:
+    """The probability of breaking the specification against how much is uncertain.
+
+    Args:
+        axis: axes to draw on.
+        summaries: summaries of the levels, in their order.
+        threshold: bracket of the level at which it stops to hold, shaded.
+    """
+    widths = [100.0 * float(summary.uncertainty) for summary in summaries]
+    for label, style in styles(summaries[0].controllers).items():
+        entries = [of.controllers[label].broken["any"] for of in summaries]
+        ends = np.asarray([entry["simultaneous"] for entry in entries])
+        axis.fill_between(
+            widths, ends[:, 0], ends[:, 1], color=style.colour, alpha=0.2, lw=0.0
+        )
+        p = [entry["p"] for entry in entries]
+        axis.plot(
+            widths,
+            p,
+            color=style.colour,
+            ls=style.dashes,
+            marker="o",
+            ms=3,
+            label=label,
+        )
+    limits = {rule["limit"] for rule in summaries[0].requirements if "limit" in rule}
+    for limit in limits:
+        axis.axhline(limit, color=INK, lw=0.8, ls="--", label="required")
+    if threshold is not None and None not in (threshold.holds_at, threshold.fails_at):
+        low, high = (100.0 * float(x or 0) for x in dataclasses.astuple(threshold))
+        axis.axvspan(low, high, color=SHADE, lw=0.0, zorder=0, label="stops to hold")
+    axis.set(xlabel="half width of the uncertainty (%)", ylabel="P(breaks it)")
     axis.set_ylim(-0.02, 1.02)
     legend_above(axis, axis.get_legend_handles_labels()[0])
     return axis

@@ -1,5 +1,6 @@
 """Several levels of uncertainty side by side: how likely is trouble at each."""
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 from jaxglider.files.writing import write_json, write_text
 from jaxglider.plotting.save import save
 from jaxglider.plotting.style import COLUMN, look, new_figure
+from tuning.campaign.analysis.bisection import Threshold
 from tuning.campaign.analysis.rank_correlations import SEVERITY
 from tuning.campaign.analysis.summary import (
     CampaignSummary,
@@ -17,7 +19,16 @@ from tuning.campaign.report import figures
 from tuning.reporting.output_folder import LOCK
 from tuning.reporting.tables import markdown_table
 
-_WRITTEN = ("", ".", "..", "summary.json", "report.md", "levels.png", LOCK)
+_WRITTEN = (
+    "",
+    ".",
+    "..",
+    "summary.json",
+    "report.md",
+    "levels.png",
+    "specification.png",
+    LOCK,
+)
 """Names in use in the folder that holds those of the levels."""
 _EVENTS = {
     "p_violation": "left a funnel",
@@ -54,7 +65,10 @@ def folder_names(levels: Sequence[float | Path]) -> dict[float | Path, str]:
 
 
 def write_levels(
-    folder: Path, summaries: dict[str, CampaignSummary], *, draws: bool
+    folder: Path,
+    summaries: dict[str, CampaignSummary],
+    draws: bool,
+    threshold: Threshold | None = None,
 ) -> None:
     """Write summary.json and report.md of all levels.
 
@@ -62,8 +76,12 @@ def write_levels(
         folder: folder that holds the folders of the levels.
         summaries: summaries by the names of the levels' own folders.
         draws: flag, the report is written and drawn besides summary.json.
+        threshold: bracket of the level at which the specification stops to hold.
     """
-    write_json(folder / "summary.json", {"levels": named(summaries)})
+    table: dict[str, Any] = {"levels": named(summaries)}
+    if threshold is not None:
+        table["specification"] = dataclasses.asdict(threshold)
+    write_json(folder / "summary.json", table)
     if not draws:
         return
     ordered = list(summaries.values())
@@ -77,7 +95,11 @@ def write_levels(
             figure = new_figure(COLUMN, 2.6)
             figures.levels(figure.subplots(), ordered)
             save(figure, folder / "levels.png")
+            figure = new_figure(COLUMN, 2.6)
+            figures.specification(figure.subplots(), ordered, threshold)
+            save(figure, folder / "specification.png")
         parts.append("![levels](levels.png)\n")
+        parts += _specified(ordered, threshold)
     labels = list(ordered[0].controllers)
     for event, title in _EVENTS.items():
         rows = [
@@ -101,6 +123,21 @@ def write_levels(
     )
     parts += markdown_table(["", "gains", "with"], rows, 3)
     write_text(folder / "report.md", "\n".join(parts) + "\n")
+
+
+def _specified(
+    summaries: Sequence[CampaignSummary], threshold: Threshold | None
+) -> list[str]:
+    """Lines on the whole specification at each level."""
+    count = max(len(of.broken) for of in summaries[0].controllers.values())
+    lines = ["## The whole specification\n"]
+    if threshold is not None:
+        lines.append(f"It {threshold.text()}, with the same draws at each level.\n")
+    lines.append(
+        f"Intervals of its parts and of any of them hold at once, {count} in all, by "
+        "Bonferroni's correction.\n"
+    )
+    return [*lines, "![specification](specification.png)\n"]
 
 
 def named(summaries: dict[str, CampaignSummary]) -> list[dict[str, Any]]:

@@ -1,9 +1,14 @@
 """The command that sweeps: run what is not yet run, then say what it comes to."""
 
 import argparse
+import contextlib
+import dataclasses
 import sys
 from pathlib import Path
+from typing import Any
 
+from tuning.campaign.analysis.bisection import find_threshold
+from tuning.campaign.analysis.requirements import SPECIFICATION
 from tuning.campaign.analysis.summary import MEASURES, CampaignSummary, text_summary
 from tuning.campaign.execute import Execution, execute, execute_on_hosts
 from tuning.campaign.report.levels import folder_names, named, write_levels
@@ -17,11 +22,16 @@ from tuning.cli.session.from_options import (
 from tuning.reporting.console import Progress, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED, VIOLATED
 
+LEVELS = 32
+"""Parts of the highest level: a bisection of these takes seven campaigns at most."""
+
 
 def sweep(options: argparse.Namespace) -> int:
     """`jaxglider sweep`: a campaign for each level of uncertainty."""
-    levels = list(dict.fromkeys(options.uncertainty))
     _check(options)
+    if options.find_level:
+        return _find_level(options)
+    levels = list(dict.fromkeys(options.uncertainty))
     note_needless_controller(gains_words(options), options.controller)
     names = folder_names(levels)
     campaigns = {level: build(campaign_settings(options, level)) for level in levels}
@@ -47,9 +57,52 @@ def sweep(options: argparse.Namespace) -> int:
             texts = {name: f"{name}: {text}" for name, text in texts.items()}
         print_result(result, "\n\n".join(texts.values()), as_json=options.json)
     if len(summaries) > 1:
-        write_levels(options.out, summaries, draws=not options.no_report)
+        write_levels(options.out, summaries, not options.no_report)
     worst = [code for code in (INTERRUPTED, RUN_FAILED, VIOLATED) if code in codes]
     return worst[0] if worst else OK
+
+
+def _find_level(options: argparse.Namespace) -> int:
+    """`jaxglider sweep --find-level`: campaigns at the levels of a bisection."""
+    (highest,) = options.uncertainty
+    summaries: dict[float, CampaignSummary] = {}
+    codes: list[int] = []
+    note_needless_controller(gains_words(options), options.controller)
+
+    def holds(level: float) -> bool:
+        campaign = build(campaign_settings(options, level))
+        for rule in options.require:
+            rule.check(campaign.labels, MEASURES)
+        (name,) = folder_names([level]).values()
+        code, summary = _execute(options, campaign, options.out / name)
+        if code in (INTERRUPTED, RUN_FAILED) or summary is None:
+            codes.append(code)
+            raise _Stopped
+        summaries[level] = summary
+        verdicts = [
+            entry["verdict"] for entry in summary.requirements if "parts" in entry
+        ]
+        return all(verdict == "met" for verdict in verdicts)
+
+    threshold = None
+    with contextlib.suppress(_Stopped):
+        threshold = find_threshold(holds, highest, highest / LEVELS)
+    named_levels = {
+        folder_names([level])[level]: summaries[level] for level in sorted(summaries)
+    }
+    if not summaries:
+        return codes[0]
+    write_levels(options.out, named_levels, not options.no_report, threshold)
+    words = "" if threshold is None else f"the specification {threshold.text()}."
+    result: dict[str, Any] = {"levels": named(named_levels)}
+    if threshold is not None:
+        result["specification"] = dataclasses.asdict(threshold)
+    print_result(result, words, as_json=options.json)
+    return codes[0] if codes else OK
+
+
+class _Stopped(Exception):
+    """A campaign of a bisection was interrupted or failed."""
 
 
 def _execute(
@@ -70,6 +123,15 @@ def _check(options: argparse.Namespace) -> None:
     Raises:
         ValueError: names them.
     """
+    rules = [rule.quantity for rule in options.require]
+    numbers = [isinstance(level, float) for level in options.uncertainty]
+    if options.find_level and (numbers != [True] or SPECIFICATION not in rules):
+        raise ValueError(
+            "--find-level goes with --require spec and one number for --uncertainty, "
+            "the highest level to try."
+        )
+    if options.find_level and (options.hosts > 1 or options.shard != (1, 1)):
+        raise ValueError("--find-level does not go with --shard or --hosts.")
     if options.hosts > 1 and options.shard != (1, 1):
         raise ValueError(
             "--hosts does not go with --shard: each host runs a part already."

@@ -63,7 +63,8 @@ def _add_verdict(parser: argparse.ArgumentParser) -> None:
         type=requirement,
         default=[],
         metavar="RULE",
-        help="as 'p_violation<0.01' or 'heading.rms_error.q95<0.3', of all gains or, "
+        help="as 'spec<0.05' (the whole specification; 'spec' alone means that), "
+        "'p_violation<0.01' or 'heading.rms_error.q95<0.3', of all gains or, "
         "after a label and a colon, of one; exit code 3 unless the whole interval "
         "keeps each",
     )
@@ -111,6 +112,12 @@ def _add_members(parser: argparse.ArgumentParser) -> None:
         help="relative half width of masses, inertias, coefficients and waves, or an "
         "uncertainty file; several levels are swept one after the other with the "
         "same draws; default: 0.2",
+    )
+    parser.add_argument(
+        "--find-level",
+        action="store_true",
+        help="bisect for the level of uncertainty, up to --uncertainty, at which "
+        "--require spec stops to hold; all levels share their draws, only wider",
     )
     parser.add_argument(
         "--sensitivity",
