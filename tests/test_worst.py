@@ -1,0 +1,90 @@
+"""The search for the worst member finds worst cases that are known."""
+
+import numpy as np
+import pytest
+
+from tuning.search.evolution import GRADIENT_COST
+from tuning.search.worst import find_worst, folded
+
+SIZE = 12
+
+
+def corner(u):
+    """Worst in a corner: 1 + Σ wᵢ |…|, 7 at most."""
+    weights = np.linspace(0.1, 0.9, SIZE)
+    side = np.where(np.arange(SIZE) % 2, u, 1.0 - u)
+    return 1.0 + (side * weights).sum(axis=1)
+
+
+def corner_slope(u):
+    weights = np.linspace(0.1, 0.9, SIZE)
+    slope = np.where(np.arange(SIZE) % 2, weights, -weights)
+    return corner(u), np.tile(slope, (len(u), 1))
+
+
+CENTRE = np.linspace(0.2, 0.8, SIZE)
+
+
+def hill(u):
+    """Worst inside, at CENTRE, where it is 3."""
+    return 3.0 - ((u - CENTRE) ** 2).sum(axis=1)
+
+
+def hill_slope(u):
+    return hill(u), -2.0 * (u - CENTRE)
+
+
+@pytest.mark.parametrize(
+    ("severity", "slope", "worst"),
+    [(corner, corner_slope, 7.0), (hill, hill_slope, 3.0)],
+    ids=["corner", "inside"],
+)
+def test_a_known_worst_case_is_found_to_a_percent(severity, slope, worst):
+    calls = []
+
+    def counted(u):
+        calls.append(len(u))
+        assert np.all((u >= 0.0) & (u <= 1.0))
+        return severity(u)
+
+    def counted_slope(u):
+        calls.append(GRADIENT_COST * len(u))
+        return slope(u)
+
+    found = find_worst(counted, counted_slope, SIZE, 400, seed=1)
+    assert found.severity == pytest.approx(worst, rel=0.01)
+    assert severity(found.place[None])[0] == found.severity
+    assert sum(calls) == found.rollouts <= 400
+    # Two thousand at random come nowhere near the corner.
+    random = severity(np.random.default_rng(0).uniform(size=(2000, SIZE)))
+    assert found.severity > random.max()
+    without = find_worst(severity, None, SIZE, 3000, seed=1)
+    assert without.severity == pytest.approx(worst, rel=0.01)
+    assert "gradient" not in without.best
+
+
+def test_a_misleading_gradient_does_no_harm():
+    def wrong(u):
+        values, slope = hill_slope(u)
+        return values, np.where(np.arange(SIZE) == 0, np.nan, -slope)
+
+    found = find_worst(hill, wrong, SIZE, 1500, seed=0)
+    assert found.severity == pytest.approx(3.0, rel=0.01)
+    assert found.found_by == "cma"
+
+
+def test_a_run_that_fails_is_the_worst_there_is():
+    broken = lambda u: np.where(u[:, 0] > 0.9, np.nan, 1.0)
+    found = find_worst(broken, None, SIZE, 200)
+    assert found.severity == np.inf
+    assert found.place[0] > 0.9
+
+
+def test_all_numbers_are_folded_into_the_cube():
+    z = np.array([-0.25, 0.0, 0.4, 1.0, 1.3, 2.0, 5.1])
+    np.testing.assert_allclose(folded(z), [0.25, 0.0, 0.4, 1.0, 0.7, 0.0, 0.9])
+
+
+def test_a_budget_too_small_is_refused():
+    with pytest.raises(ValueError, match="at least 16"):
+        find_worst(hill, None, SIZE, 10)
