@@ -1,8 +1,17 @@
 """The search for the worst member finds worst cases that are known."""
 
+import dataclasses
+import json
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxglider import evaluate, paper
+from jaxglider.uncertainty.members import with_member
+from tuning.api.worst import Attack, severity, worst
+from tuning.problem.spec import EnsembleSpec
 from tuning.search.evolution import GRADIENT_COST
 from tuning.search.worst import find_worst, folded
 
@@ -88,3 +97,66 @@ def test_all_numbers_are_folded_into_the_cube():
 def test_a_budget_too_small_is_refused():
     with pytest.raises(ValueError, match="at least 16"):
         find_worst(hill, None, SIZE, 10)
+
+
+@pytest.fixture(scope="module")
+def loop():
+    loop = paper.make_loop("switching", "rigid-body", "smc", duration=4.0)
+    prescribed = loop.scenario.specification
+    scenario = dataclasses.replace(
+        loop.scenario, specification=dataclasses.replace(prescribed, largest_roll=0.01)
+    )
+    return dataclasses.replace(loop, scenario=scenario)
+
+
+@pytest.fixture(scope="module")
+def attack(loop):
+    box = EnsembleSpec(0.2).on(loop)
+    return Attack(dataclasses.replace(loop, scenario=box.scenario), box, 0), box
+
+
+def test_the_slope_in_the_cube_is_that_of_differences(attack):
+    """Over a run that is short beside the memory of the gradient."""
+    search, box = attack
+    place = np.full((4, len(box.quantities)), 0.4)
+    values, slope = search.slopes(place)
+    np.testing.assert_allclose(values, search.severities(place), rtol=1e-9)
+    steepest = int(np.argmax(np.abs(slope[0])))
+    ends = place[:2].copy()
+    ends[:, steepest] += [-1e-3, 1e-3]
+    low, high = search.severities(ends)
+    difference = (high - low) / 2e-3
+    assert slope[0, steepest] == pytest.approx(difference, rel=0.15)
+    assert abs(difference) > 0.1
+
+
+def test_the_worst_of_a_box_is_worse_than_random_and_inside(loop, attack):
+    found = worst(loop, budget=120, random=64, seed=0)
+    assert found.case.rollouts <= 120
+    assert found.case.severity >= found.random_worst
+    assert found.missed == 64
+    for quantity in attack[1].quantities:
+        ends = sorted(quantity.values(np.array([0.0, 1.0])))
+        inside = found.values[quantity.name]
+        assert ends[0] - 1e-9 <= inside <= ends[1] + 1e-9
+    member = jax.tree.map(lambda x: x[0], found.member)
+    metrics = jax.jit(lambda m: evaluate(*with_member(found.loop, m)))(member)
+    assert float(severity(metrics, found.loop)) == pytest.approx(found.case.severity)
+    assert found.metrics["max_roll_rad"] == pytest.approx(float(metrics.max_roll))
+    text = str(found)
+    assert "64 are less severe" in text
+    assert json.loads(json.dumps(found.to_dict()))["random"]["less_severe"] == 64
+
+
+def test_severity_is_of_what_is_broken_most(loop):
+    run = jax.jit(evaluate)
+    metrics = run(loop, loop.scenario.sea(jax.random.key(0)))
+    peaks = [float(c.funnel_peak) for c in vars(metrics.channels).values()]
+    roll = float(metrics.max_roll) / 0.01
+    assert float(severity(metrics, loop)) == pytest.approx(max(*peaks, roll))
+    free = dataclasses.replace(loop.scenario.specification, largest_roll=None)
+    scenario = dataclasses.replace(loop.scenario, specification=free)
+    free = dataclasses.replace(loop, scenario=scenario)
+    assert float(severity(metrics, free)) == pytest.approx(max(peaks))
+    failed = dataclasses.replace(metrics, finite=jnp.asarray(False))
+    assert float(severity(failed, loop)) == np.inf

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from tuning.api.results import TuneResult as TuneResult
     from tuning.api.sweep import sweep as sweep
     from tuning.api.tune import tune as tune
+    from tuning.api.worst import WorstResult as WorstResult
+    from tuning.api.worst import worst as worst
     from tuning.problem.aggregates import CVaR as CVaR
     from tuning.problem.aggregates import Mean as Mean
     from tuning.problem.aggregates import SoftWorst as SoftWorst
@@ -31,9 +33,11 @@ _PLACES = {
     "SweepResult": "tuning.api.results",
     "TuneResult": "tuning.api.results",
     "Weights": "tuning.problem.objective",
+    "WorstResult": "tuning.api.worst",
     "check_gradients": "tuning.api.check_gradients",
     "sweep": "tuning.api.sweep",
     "tune": "tuning.api.tune",
+    "worst": "tuning.api.worst",
 }
 __all__ = tuple(_PLACES)
 

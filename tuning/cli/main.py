@@ -131,6 +131,13 @@ def _sweep(options: argparse.Namespace) -> int:
     return sweep(options)
 
 
+def _worst(options: argparse.Namespace) -> int:
+    start_jax(options.precision)
+    from tuning.cli.commands.sweep import worst
+
+    return worst(options)
+
+
 def _merge(options: argparse.Namespace) -> int:
     start_jax(_precision_of(options.folders[0]))
     from tuning.cli.commands.merge import merge
@@ -202,6 +209,7 @@ _COMMANDS = {
     "tune": _tune,
     "check-gradients": _check,
     "sweep": _sweep,
+    "worst": _worst,
     "merge": _merge,
     "rerun": _rerun,
     "init": _init,

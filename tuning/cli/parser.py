@@ -22,6 +22,7 @@ from tuning.cli.options.short_errors import Parser
 from tuning.cli.options.sweep import add_merge, add_rerun, add_sweep
 from tuning.cli.options.trim import add_trim, add_vehicles
 from tuning.cli.options.tune import add_check, add_tune
+from tuning.cli.options.worst import add_worst
 
 
 def parser() -> argparse.ArgumentParser:
@@ -39,6 +40,7 @@ def parser() -> argparse.ArgumentParser:
     add_tune(commands)
     add_check(commands)
     add_sweep(commands)
+    add_worst(commands)
     add_merge(commands)
     add_rerun(commands)
     _add_simulate(commands)

@@ -20,7 +20,7 @@ from tuning.search.evolution import GRADIENT_COST, cma_es, default_population
 Severities = Callable[[np.ndarray], np.ndarray]
 Slopes = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
-_STARTS = 4
+STARTS = 4
 """Members from which the gradient ascends, side by side."""
 _FIRST_STEP = 0.25
 """First step of the ascent, in the largest coordinate of the cube."""
@@ -58,7 +58,7 @@ def find_worst(
 
     Args:
         severities: severity of each row of places; infinite for a run that failed.
-        slopes: severities of `_STARTS` places and their gradients, or None for a search
+        slopes: severities of `STARTS` places and their gradients, or None for a search
             without.
         dimensions: number of coordinates.
         budget: rollouts to spend, a gradient counted as five.
@@ -67,17 +67,17 @@ def find_worst(
     Raises:
         ValueError: the budget is below the sixteen rollouts that draws need.
     """
-    if budget < 4 * _STARTS:
-        raise ValueError(f"budget must be at least {4 * _STARTS}; received {budget}.")
+    if budget < 4 * STARTS:
+        raise ValueError(f"budget must be at least {4 * STARTS}; received {budget}.")
     search = _Search(severities)
     random = np.random.default_rng(seed)
     search.name = "random"
-    drawn = random.uniform(size=(max(budget // 4, 4 * _STARTS), dimensions))
+    drawn = random.uniform(size=(max(budget // 4, 4 * STARTS), dimensions))
     values = search.look(drawn)
     if slopes is not None:
         search.name = "gradient"
-        starts = drawn[np.argsort(-values, kind="stable")[:_STARTS]]
-        steps = int(0.4 * budget / (_STARTS * GRADIENT_COST))
+        starts = drawn[np.argsort(-values, kind="stable")[:STARTS]]
+        steps = int(0.4 * budget / (STARTS * GRADIENT_COST))
         search.ascend(slopes, starts, steps)
     if dimensions > 1:
         search.name = "cma"
@@ -92,7 +92,8 @@ class _Search:
         self._severities = severities
         self._place: np.ndarray | None = None
         self._severity, self._found_by = -np.inf, ""
-        self._rollouts, self._best = 0, {}
+        self._rollouts = 0
+        self._best: dict[str, float] = {}
         self.name = ""
 
     def look(self, places: np.ndarray) -> np.ndarray:
@@ -125,7 +126,7 @@ class _Search:
         if left < size or self._place is None or not np.isfinite(self._severity):
             return
 
-        def losses(rows: Any) -> np.ndarray:
+        def losses(rows: Any) -> Any:
             return -self.look(folded(np.asarray(rows)))
 
         # The start is known, and counts as one of the rollouts of its own account.

@@ -7,6 +7,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from jaxglider.files.law_paths import short_name
+from jaxglider.files.uncertainty import load_uncertainty
+from jaxglider.files.writing import provenance
+from tuning.api.worst import worst as find_worst_member
 from tuning.campaign.analysis.bisection import find_threshold
 from tuning.campaign.analysis.requirements import SPECIFICATION
 from tuning.campaign.analysis.summary import MEASURES, CampaignSummary, text_summary
@@ -16,11 +20,14 @@ from tuning.campaign.run.campaign import Campaign, build
 from tuning.cli.session.from_options import (
     campaign_settings,
     conclusions,
+    flight_case,
     gains_words,
     note_needless_controller,
+    starting_loop,
 )
-from tuning.reporting.console import Progress, print_result
+from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED, VIOLATED
+from tuning.reporting.output_folder import folder_name, writing_to
 
 LEVELS = 32
 """Parts of the highest level: a bisection of these takes seven campaigns at most."""
@@ -60,6 +67,34 @@ def sweep(options: argparse.Namespace) -> int:
         write_levels(options.out, summaries, not options.no_report)
     worst = [code for code in (INTERRUPTED, RUN_FAILED, VIOLATED) if code in codes]
     return worst[0] if worst else OK
+
+
+def worst(options: argparse.Namespace) -> int:
+    """`jaxglider worst`: a search for the worst member, beside random ones."""
+    case = flight_case(options)
+    controller, loop = starting_loop(options, case)
+    box: Any = options.uncertainty
+    if isinstance(box, Path):
+        box = load_uncertainty(box, loop.scenario)
+    with writing_to(options.out):
+        result = find_worst_member(
+            loop,
+            uncertainty=box,
+            budget=options.budget,
+            random=options.random,
+            seed=options.seed,
+        )
+        about = provenance(command=sys.argv[1:], precision=options.precision)
+        content = result.save(
+            options.out,
+            scenario=case.title,
+            plant=case.plant,
+            controller=short_name(controller),
+            provenance=about,
+        )
+    print_result(content, str(result), as_json=options.json)
+    note(f"{folder_name(options.out)}: worst.json.")
+    return OK
 
 
 def _find_level(options: argparse.Namespace) -> int:
