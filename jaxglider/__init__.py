@@ -12,7 +12,6 @@ from jaxglider.control import Inversion as Inversion
 from jaxglider.control import RollAwareFxTPPC as RollAwareFxTPPC
 from jaxglider.control.observer import FixedTimeObserver as FixedTimeObserver
 from jaxglider.control.observer import NoObserver as NoObserver
-from jaxglider.control.specification import Specification as Specification
 from jaxglider.control.transform import ErrorTransformation as ErrorTransformation
 from jaxglider.core.batching import map_members as map_members
 from jaxglider.core.batching import member_keys as member_keys
@@ -40,6 +39,7 @@ from jaxglider.simulation.rollout import evaluate as evaluate
 from jaxglider.simulation.rollout import simulate as simulate
 from jaxglider.simulation.scenario import Clock as Clock
 from jaxglider.simulation.scenario import Scenario as Scenario
+from jaxglider.simulation.specification import Specification as Specification
 from jaxglider.vehicle.actuators import Actuator as Actuator
 from jaxglider.vehicle.design_model import DesignModel as DesignModel
 from jaxglider.vehicle.full_plant import full_plant as full_plant

@@ -17,13 +17,13 @@ from jaxglider.control.performance import (
     HalfSechFunction,
     SechFunction,
 )
-from jaxglider.control.specification import (
+from jaxglider.control.transform import ErrorTransformation
+from jaxglider.simulation.specification import (
     bounds_of_a_funnel_inside,
     falling_part,
     initial_of,
 )
-from jaxglider.control.transform import ErrorTransformation
-from jaxglider.simulation.restarts import restart_jumps
+from jaxglider.simulation.start import restart_jumps
 from tuning.space.prescribed import EQUAL_EDGES, INSIDE, RESTART
 from tuning.space.space import HELD_BY_DEFAULT, Space
 

@@ -13,7 +13,6 @@ from typing import Any
 
 from jaxglider import paper
 from jaxglider.control import Funnel
-from jaxglider.control.specification import Specification
 from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode
 from jaxglider.files.course_remarks import course_remarks
@@ -43,6 +42,7 @@ from jaxglider.signals import CHANNELS, Channels
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.gains import LoadedGains
 from jaxglider.simulation.scenario import Scenario
+from jaxglider.simulation.specification import Specification
 from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.plant import AbstractPlant
 

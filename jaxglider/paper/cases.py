@@ -9,7 +9,6 @@ k₁ < ¾ k₂² (0.001 against 7.5e-5); they are kept as printed.
 import math
 from typing import Any
 
-from jaxglider.control.specification import BANK_LIMIT, Specification
 from jaxglider.core.containers import choose
 from jaxglider.environment.disturbances import Sinusoid, axes
 from jaxglider.guidance import (
@@ -23,6 +22,7 @@ from jaxglider.paper.laws import SCENARIOS, funnel, make_law
 from jaxglider.signals import GliderState
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Clock, Scenario
+from jaxglider.simulation.specification import BANK_LIMIT, Specification
 from jaxglider.vehicle.actuators import make_actuators
 from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.plant import AbstractPlant

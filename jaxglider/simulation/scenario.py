@@ -7,7 +7,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglider.control.specification import Specification
 from jaxglider.core.containers import (
     Container,
     Scalar,
@@ -21,6 +20,7 @@ from jaxglider.guidance.reference import AbstractReference
 from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.simulation.origin import MAP_ZERO, Origin
 from jaxglider.simulation.resolution import check_resolution
+from jaxglider.simulation.specification import Specification
 from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.plant import AbstractPlant
 from jaxglider.vehicle.sensors import Sensor, check_sensors, realise_errors

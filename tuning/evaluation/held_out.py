@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxglider.control.specification import Specification
 from jaxglider.files.results import metrics_dict
 from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
+from jaxglider.simulation.specification import Specification
 from tuning.problem.members import nominal_member
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.ledger import Entry, ledger, with_smoothing

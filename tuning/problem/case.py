@@ -4,10 +4,10 @@ import dataclasses
 from collections.abc import Sequence
 
 from jaxglider import paper
-from jaxglider.control.specification import Specification
 from jaxglider.files.mission import Mission, paper_case
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Clock, Scenario
+from jaxglider.simulation.specification import Specification
 from jaxglider.vehicle.design_model import DesignModel
 from tuning.problem.gain_sets import MISSION, GainSet, resolve
 

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from jaxglider.control.specification import Specification
 from jaxglider.signals import CHANNELS
+from jaxglider.simulation.specification import Specification
 
 PARTS = (*CHANNELS, "bank", "saturation")
 """Parts of a specification: the funnel of each channel, bank limit, saturated share."""

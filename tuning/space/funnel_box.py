@@ -7,14 +7,14 @@ from typing import Any
 import jax.numpy as jnp
 
 from jaxglider.control.performance import HalfSechFunction
-from jaxglider.control.specification import (
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.specification import (
     FunnelBounds,
     Specification,
     bounds_of_a_funnel_inside,
     falling_part,
     initial_of,
 )
-from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.space.bijections import Above, Below, Bijection, Within
 from tuning.space.coordinate import Coordinate
 from tuning.space.edges import Edge

@@ -20,7 +20,7 @@ from jaxglider.control.fxtppc import ChannelGains
 from jaxglider.core.sets import K1_BELOW_K2
 from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.restarts import restart_jumps
+from jaxglider.simulation.start import restart_jumps
 from tuning.space.coordinate import Coordinate
 from tuning.space.funnel_box import INSIDE, RESTART, FunnelBox
 from tuning.space.settling import SURFACE, settling

@@ -13,7 +13,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxglider.control.specification import Specification
 from jaxglider.signals import (
     CHANNEL_UNITS,
     CHANNELS,
@@ -25,6 +24,7 @@ from jaxglider.signals import (
 )
 from jaxglider.simulation.ledger import Witness
 from jaxglider.simulation.metrics import ChannelMetrics, Metrics, empty_sums, finish
+from jaxglider.simulation.specification import Specification
 from tuning.reporting.violations import violations
 
 _EFFORTS = dict(zip(CHANNELS, COMMAND_UNITS.values(), strict=True))
