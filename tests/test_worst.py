@@ -16,6 +16,8 @@ from tuning.search.evolution import GRADIENT_COST
 from tuning.search.worst import find_worst, folded
 
 SIZE = 12
+LIMIT = 1e-5
+"""Bank limit that decides, of a run too short to roll far [rad]."""
 
 
 def corner(u):
@@ -104,7 +106,7 @@ def loop():
     loop = paper.make_loop("switching", "rigid-body", "smc", duration=4.0)
     prescribed = loop.scenario.specification
     scenario = dataclasses.replace(
-        loop.scenario, specification=dataclasses.replace(prescribed, largest_roll=0.01)
+        loop.scenario, specification=dataclasses.replace(prescribed, largest_roll=LIMIT)
     )
     return dataclasses.replace(loop, scenario=scenario)
 
@@ -152,7 +154,7 @@ def test_severity_is_of_what_is_broken_most(loop):
     run = jax.jit(evaluate)
     metrics = run(loop, loop.scenario.sea(jax.random.key(0)))
     peaks = [float(c.funnel_peak) for c in vars(metrics.channels).values()]
-    roll = float(metrics.max_roll) / 0.01
+    roll = float(metrics.max_roll) / LIMIT
     assert float(severity(metrics, loop)) == pytest.approx(max(*peaks, roll))
     free = dataclasses.replace(loop.scenario.specification, largest_roll=None)
     scenario = dataclasses.replace(loop.scenario, specification=free)
