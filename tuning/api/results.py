@@ -30,6 +30,7 @@ from tuning.evaluation.report import (
     text_report,
     write_tuning_report,
 )
+from tuning.evaluation.robustness import Robustness
 from tuning.gradient_check.statement import GradientStatement
 from tuning.problem.lanes import member_count
 from tuning.problem.problem import TuningProblem
@@ -50,6 +51,8 @@ class TuneResult:
         notes: remarks on the start, the gradient and the sets.
         gradient: worth of the exact gradient at the tuned gains, on the nominal case as
             it is flown; None where it was not asked for.
+        robustness: figures at other ticks and from other roundings; None where they
+            were not asked for.
         interrupted: whether the search was stopped before its end; the gains are the
             best until then.
         seconds: time that it took [s].
@@ -62,6 +65,7 @@ class TuneResult:
     method: str
     notes: tuple[str, ...]
     gradient: GradientStatement | None
+    robustness: Robustness | None
     interrupted: bool
     seconds: float
 
@@ -94,6 +98,9 @@ class TuneResult:
             },
             **self.verdict.to_dict(),
             "gradient": None if self.gradient is None else self.gradient.to_dict(),
+            "robustness": None
+            if self.robustness is None
+            else self.robustness.to_dict(),
             "notes": list(self.notes),
             "seconds": round(self.seconds, 1),
         }

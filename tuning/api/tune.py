@@ -15,6 +15,7 @@ from jaxglider.uncertainty.members import Uncertainty
 from tuning.api.results import TuneResult
 from tuning.evaluation.final_gradient import GradientProbe
 from tuning.evaluation.held_out import Judge, compare_held_out
+from tuning.evaluation.robustness import judge_robustness
 from tuning.problem.aggregates import AbstractAggregate
 from tuning.problem.arguments import instance, objective_of, refuse, texts, whole
 from tuning.problem.fingerprint import fingerprint
@@ -85,7 +86,8 @@ def tune(
         title: name of what is flown, for reports.
         out: folder for a checkpoint after every step and for all results.
         resume: whether to go on from the checkpoint in `out`.
-        check: whether to check the gradient against differences, first and at the end.
+        check: whether to check the gradient against differences, first and at the end,
+            and to judge the gains at half and twice the tick and from roundings.
         progress: whether to show a progress bar.
 
     Raises:
@@ -146,7 +148,8 @@ def solve(
         method: search without gradients instead, on the budget of the descent.
         out: folder for a checkpoint after every step, or None.
         resume: whether to go on from the checkpoint in `out`.
-        check: whether to check the gradient against differences, first and at the end.
+        check: whether to check the gradient against differences, first and at the end,
+            and to judge the gains at half and twice the tick and from roundings.
         progress: line that shows how far it is; none by default.
 
     Raises:
@@ -195,11 +198,18 @@ def solve(
     before, _ = judging[0].result() if judging else look()
     verdict = compare_held_out(problem, before, judge(tuned))
     gradient = probe(tuned) if check else None
+    robust = None
+    if check:
+        progress.show("judging at other ticks and from other roundings ...")
+        robust = judge_robustness(problem, judge, tuned)
     progress.clear()
     remarks = list(outcome.remarks)
     if gradient is not None:
         remarks.append(gradient.text())
         note(gradient.text())
+    for text in robust.remarks() if robust else ():
+        remarks.append(text)
+        note(text)
     return TuneResult(
         problem=problem,
         loop=tuned,
@@ -208,6 +218,7 @@ def solve(
         method="gradient" if method is None else method.method,
         notes=(*problem.space.notes, *remarks),
         gradient=gradient,
+        robustness=robust,
         interrupted=outcome.interrupted,
         seconds=time.monotonic() - begun,
     )

@@ -12,6 +12,7 @@ from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.specification import Specification
+from jaxglider.uncertainty.members import Member
 from tuning.problem.members import nominal_member
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.ledger import Entry, ledger, with_smoothing
@@ -117,12 +118,22 @@ class Judge:
     def __call__(self, loop: ClosedLoop) -> Judged:
         """Metrics of the nominal case and of the test members, and their ledger."""
         test = self._problem.test
-        nominal, _ = jax.device_get(self._run(loop, nominal_member(self._problem.loop)))
-        held_out, witness = jax.device_get(self._run(loop, test))
+        nominal, _ = self._on(loop, nominal_member(self._problem.loop))
+        held_out, witness = self._on(loop, test)
         smoother = with_smoothing(loop, 0.1)
         if smoother is not None:
-            smoother, _ = jax.device_get(self._run(smoother, test))
+            smoother, _ = self._on(smoother, test)
         return Judged(nominal, held_out, ledger(loop, held_out, witness, smoother))
+
+    def metrics(self, loop: ClosedLoop) -> tuple[Metrics, Metrics]:
+        """Metrics of the nominal case alone, and of the test members; on the host."""
+        members = nominal_member(self._problem.loop), self._problem.test
+        nominal, held_out = (self._on(loop, these)[0] for these in members)
+        return nominal, held_out
+
+    def _on(self, loop: ClosedLoop, members: Member) -> tuple[Any, Any]:
+        metrics, witness = jax.device_get(self._run(loop, members))
+        return metrics, witness
 
 
 def compare_held_out(

@@ -16,17 +16,18 @@ from jaxglider.signals import CHANNEL_UNITS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory
 from tuning.evaluation.held_out import MEASURES
+from tuning.evaluation.sections import (
+    ledger_section,
+    robust_section,
+    specified_section,
+)
 from tuning.evaluation.settling_table import settling_table
 from tuning.problem.problem import TuningProblem
-from tuning.reporting.ledger import markdown_ledger, text_ledger
-from tuning.reporting.tables import figure, markdown_table, outcome
+from tuning.reporting.ledger import text_ledger
+from tuning.reporting.tables import figure, outcome
 from tuning.search.settings import Step
 
 _HELD_OUT = "The figures are of test members that neither descent nor choice has seen."
-_LEDGER = (
-    "The law keeps what it promises where these hold. Counted are the held-out members "
-    "in which each held, with the exact 95 % interval of how likely that is."
-)
 _SAME = "The figures are of the one case tuned on: nothing is held out."
 
 
@@ -260,10 +261,9 @@ def _markdown(result: dict[str, Any], settling: list[str]) -> str:
             f"a funnel at some time, {counts['capsized']} rolled past 90 degrees, "
             f"{_unfinished(counts)}{counts['not_finite']} became non-finite"
         )
-    lines += ["\n## The specification\n", *_specified(result["counts"])]
-    lines += ["\n## Assumptions of the theorem\n", _LEDGER]
-    for name, entries in result["ledger"].items():
-        lines += [f"\n{name.capitalize()}:\n", *markdown_ledger(entries)]
+    lines += specified_section(result["counts"])
+    lines += ledger_section(result["ledger"])
+    lines += robust_section(result["robustness"])
     lines += ["\n## Nominal case\n"]
     lines += [f"- {name}: {outcome(run)}" for name, run in result["nominal"].items()]
     if settling:
@@ -277,16 +277,6 @@ def _markdown(result: dict[str, Any], settling: list[str]) -> str:
         "![errors](errors.png)",
     ]
     return "\n".join(lines) + "\n"
-
-
-def _specified(counts: dict[str, Any]) -> list[str]:
-    """Numbers of members that broke each part of what is specified."""
-    parts = list(counts["after"]["broken"])
-    rows = [
-        [name, *(f"{of['broken'][part]} of {of['members']}" for part in parts)]
-        for name, of in counts.items()
-    ]
-    return markdown_table(["members that broke", *parts], rows, 1)
 
 
 def _cell(value: float | None) -> str:

@@ -33,7 +33,8 @@ def add_tune(commands: Any) -> None:
     parser.add_argument(
         "--no-check",
         action="store_true",
-        help="do not check the gradient against differences first",
+        help="do not check the gradient against differences, nor judge the gains at "
+        "half and twice the tick and from other roundings",
     )
     parser.add_argument(
         "--resume", action="store_true", help="go on from the checkpoint in --out"
