@@ -10,7 +10,6 @@ import pytest
 
 from jaxglider import Channels, Specification, paper
 from jaxglider.control.fxtppc import reaching_law
-from jaxglider.simulation.ledger import assess, fastest_rate
 from jaxglider.simulation.metrics import ChannelMetrics
 from tuning.reporting.ledger import (
     TITLES,
@@ -23,6 +22,7 @@ from tuning.reporting.ledger import (
 )
 from tuning.reporting.statistics import clopper_pearson
 from tuning.reporting.violations import broken, violations
+from tuning.reporting.witness import assess, fastest_rate
 from tuning.space.edges import in_observer_set
 
 CHANNELS = ("depth", "pitch", "heading")

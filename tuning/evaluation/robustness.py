@@ -102,7 +102,7 @@ def robustness(
     starts: list[dict[str, dict[str, float | None]]],
     ticks: dict[str, dict[str, dict[str, float | None]]],
 ) -> Robustness:
-    """What figures from other starts and at other ticks come to.
+    """Marks on figures from other starts and at other ticks.
 
     Args:
         starts: figures from each start.

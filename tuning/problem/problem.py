@@ -9,7 +9,6 @@ import jax
 from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Series
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.ledger import Witness, assess
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.rollout import evaluate, sparse_checkpoints
 from jaxglider.uncertainty.members import Member, with_member
@@ -24,6 +23,7 @@ from tuning.problem.members import (
 )
 from tuning.problem.objective import Objective
 from tuning.problem.spec import ProblemSpec
+from tuning.reporting.witness import Witness, assess
 from tuning.space.space import Space
 
 STATE_SIZE, STATES_LIMIT = 50, 2**30

@@ -16,10 +16,10 @@ import numpy as np
 
 from jaxglider.core.batching import BLOCK, map_members
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.ledger import Witness, assess
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.uncertainty.members import Member, with_member
 from tuning.campaign.run.rows import flatten
+from tuning.reporting.witness import Witness, assess
 
 PIECE = 256
 """Members in a piece: on a CPU 256 to 1024 are equally fast, 64 a tenth slower."""

@@ -22,10 +22,10 @@ from jaxglider.signals import (
     GliderState,
     zeros,
 )
-from jaxglider.simulation.ledger import Witness
 from jaxglider.simulation.metrics import ChannelMetrics, Metrics, empty_sums, finish
 from jaxglider.simulation.specification import Specification
 from tuning.reporting.violations import violations
+from tuning.reporting.witness import Witness
 
 _EFFORTS = dict(zip(CHANNELS, COMMAND_UNITS.values(), strict=True))
 """Unit of the command that belongs to each channel."""
