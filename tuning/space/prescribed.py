@@ -9,6 +9,8 @@ Whatever the free numbers are,
   an error which was zero before it is inside after it; with `inside-specification`.
 - `surface-settles`: 2π/(3√3) μ/(k₁ + k₂), the exact bound on the settling of the
   surface s, is at most the required settling time.
+- `error-settles`: with Tian's pairing of the exponents, a bound on the settling of the
+  error on s = 0 as well; with `surface-settles`.
 - `equal-edges`: δ_L = δ_R, port and starboard alike; only on request.
 """
 
@@ -16,17 +18,18 @@ from collections.abc import Collection, Iterator
 from operator import attrgetter
 
 from jaxglider.control.funnel import Funnel
-from jaxglider.control.fxtppc import ChannelGains
+from jaxglider.control.fxtppc import ChannelGains, tian_exponents
 from jaxglider.core.sets import K1_BELOW_K2
 from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.start import restart_jumps
 from tuning.space.coordinate import Coordinate
+from tuning.space.error_settling import ERROR, error_coordinates
 from tuning.space.funnel_box import INSIDE, RESTART, FunnelBox
 from tuning.space.settling import SURFACE, settling
 
 EQUAL_EDGES = "equal-edges"
-PRESCRIBED = (INSIDE, RESTART, SURFACE)
+PRESCRIBED = (INSIDE, RESTART, SURFACE, ERROR)
 """Names of the constraints that a specification asks for."""
 
 
@@ -62,7 +65,17 @@ def prescribed(
                 )
                 held.update(new)
                 notes += words
+                if ERROR in constraints and _is_tian(loop, path):
+                    new, words = error_coordinates(loop, path, float(time), names)
+                    held.update(new)
+                    notes += words
     return held, notes
+
+
+def _is_tian(loop: ClosedLoop, owner: str) -> bool:
+    """Whether the law that has some gains pairs its exponents as Tian does."""
+    law = attrgetter(owner.rpartition(".gains.")[0])(loop)
+    return getattr(law, "exponents", None) is tian_exponents
 
 
 def _owners(names: Collection[str], field: str) -> Iterator[tuple[str, str]]:

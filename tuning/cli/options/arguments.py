@@ -18,6 +18,7 @@ HELD_BY_DEFAULT = (
     "inside-specification",
     "restart-inside",
     "surface-settles",
+    "error-settles",
 )
 HELD_ON_REQUEST = ("observer-set", "equal-edges")
 OWN_LAW = "FILE.py:ClassName for a law of your own"
