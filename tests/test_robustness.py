@@ -13,6 +13,7 @@ from tuning.evaluation.robustness import (
     robustness,
     with_tick,
 )
+from tuning.evaluation.sections import robust_section, specified_section
 from tuning.problem.problem import TuningProblem
 from tuning.problem.spec import EnsembleSpec, ProblemSpec
 
@@ -81,3 +82,15 @@ def test_a_short_stable_run_is_reproducible_and_figures_are_those_of_its_ticks(
             float(of.rms_error), rel=1e-9
         )
     assert found.ticks["0.1"]["held_out"] != found.ticks["0.05"]["held_out"]
+
+
+def test_the_report_has_a_table_of_ticks_and_roundings():
+    ticks = {t: figures(x) for t, x in (("0.05", 0.2), ("0.1", 0.4))}
+    of = robustness([ticks["0.05"], figures(0.3)], ticks).to_dict()
+    lines = robust_section(of)
+    assert "| heading [rad] | 0.2 | 0.3 | 0.05 |" in lines
+    assert "| heading [rad] | 0.4 | 0.3 | 0.1 |" in lines
+    assert "| heading [rad] | 0.2 to 0.3 | 0.3 to 0.3 | roundings |" in lines
+    assert robust_section(None) == []
+    counts = {"after": {"members": 4, "broken": {"any": 2, "bank": 1}}}
+    assert "| after | 2 of 4 | 1 of 4 |" in specified_section(counts)
