@@ -25,8 +25,15 @@ from jaxglider.trim.modes import transmission_zeros, zero_dynamics
 from jaxglider.trim.steady_motion import SteadyMotion, Target, steady_motion
 from jaxglider.vehicle.plant import AbstractPlant
 
-POINTS = {"-45 deg, 0.141 m/s": (-45.0, 0.1 * math.sqrt(2.0)), "-35, 0.4": (-35.0, 0.4)}
-"""The glide of the paper's first leg (depth rate 0.1 m/s), and a usual one."""
+POINTS = {
+    "-45 deg, 0.141 m/s": (-45.0, 0.1 * math.sqrt(2.0)),
+    "-35 deg, 0.4 m/s": (-35.0, 0.4),
+    "-26 deg, 0.228 m/s": (-26.0, 0.228),
+    "26 deg, 0.228 m/s": (26.0, 0.228),
+    "35 deg, 0.4 m/s": (35.0, 0.4),
+}
+"""The glide of the paper's first leg (depth rate 0.1 m/s), a usual one, and dives and
+climbs to compare."""
 STEP, TICK, SHOWN = math.radians(-5.0), 0.05, 60.0
 
 trim = jax.jit(steady_motion)

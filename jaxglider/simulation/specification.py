@@ -191,7 +191,8 @@ def initial_of(form: type[AbstractPerformanceFunction], falling: Scalar) -> Scal
 
 def _arcsech(y: Scalar) -> Scalar:
     """The inverse of sech up to 10; kept clear of 1, where its slope is infinite."""
-    return jnp.arccosh(1.0 / jnp.clip(y, 1.0 / math.cosh(10.0), 1.0 - 1e-9))
+    clear = max(1e-9, 8.0 * float(jnp.finfo(jnp.result_type(y, float)).eps))
+    return jnp.arccosh(1.0 / jnp.clip(y, 1.0 / math.cosh(10.0), 1.0 - clear))
 
 
 def _by_bisection(
