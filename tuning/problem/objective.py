@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jaxglider.core.containers import Scalar
 from jaxglider.signals import CHANNELS
 from jaxglider.simulation.metrics import Metrics
+from jaxglider.simulation.specification import Specification
 
 DEFAULT_COST_SCALE = 7.5
 """Cost of a run that tracks like the start, with the default weights."""
@@ -37,7 +38,8 @@ class Weights:
         travel: way of the actuator over its start, each channel.
         crowding: share of the time at the edge of its funnel or beyond, smooth.
         roll: max(max |φ| − roll_limit, 0)² [rad²].
-        roll_limit: largest roll that costs nothing [rad].
+        roll_limit: largest roll that costs nothing [rad]; None for the bank limit that
+            is specified, or 1.5 where none is.
         saturation: smooth share of the command that the actuators do not follow.
 
     Raises:
@@ -50,13 +52,14 @@ class Weights:
     travel: float | tuple[float, ...] = 0.0
     crowding: float | tuple[float, ...] = 0.0
     roll: float = 0.0
-    roll_limit: float = 1.5
+    roll_limit: float | None = None
     saturation: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:
         values = {
             field.name: by_channel(getattr(self, field.name))
             for field in dataclasses.fields(self)
+            if getattr(self, field.name) is not None
         }
         for name, weights in values.items():
             if len(weights) != len(CHANNELS):
@@ -71,6 +74,22 @@ class Weights:
                 )
         if not any(any(v) for name, v in values.items() if name != "roll_limit"):
             raise ValueError("all weights are zero: nothing to tune for.")
+
+    def limited(self, specification: Specification | None) -> "Weights":
+        """The same with a roll limit that is a number.
+
+        Args:
+            specification: what is prescribed, or None.
+        """
+        if self.roll_limit is not None:
+            return self
+        bank = None if specification is None else specification.largest_roll
+        limit = UPRIGHT if bank is None else float(bank)
+        return dataclasses.replace(self, roll_limit=limit)
+
+
+UPRIGHT = 1.5
+"""Roll limit where no bank limit is specified [rad]."""
 
 
 def by_channel(weight: float | tuple[float, ...]) -> tuple[float, ...]:
@@ -148,7 +167,8 @@ class Objective(eqx.Module):
 
     def roll_excess(self, metrics: Metrics) -> Scalar:
         """max(max |φ| − roll_limit, 0)² [rad²]."""
-        over = jnp.maximum(metrics.max_roll - self.weights.roll_limit, 0.0)
+        limit = self.weights.limited(None).roll_limit
+        over = jnp.maximum(metrics.max_roll - limit, 0.0)
         return over * over
 
     def _channels(

@@ -34,9 +34,10 @@ def load_cost(where: str) -> Cost:
 
 DEFAULT_WEIGHTS = Weights(
     tracking=(1.0, 2.5, 4.0),
-    chattering=0.01,
-    crowding=60.0,
-    roll=10.0,
+    chattering=0.05,
+    travel=0.1,
+    crowding=15.0,
+    roll=30.0,
     saturation=5.0,
 )
 """Tracking first, what is hard to win most: heading, then pitch. The rest keeps it in

@@ -73,7 +73,11 @@ class TuningProblem:
                 return nominal_member(loop)
             return sample_members(uncertainty, ensemble.seed, kind, count)
 
-        objective = Objective(baseline_metrics(spec, loop), spec.weights, spec.cost)
+        objective = Objective(
+            baseline_metrics(spec, loop),
+            spec.weights.limited(loop.scenario.specification),
+            spec.cost,
+        )
         return cls(
             spec=spec,
             loop=loop,
