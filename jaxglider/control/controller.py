@@ -132,6 +132,8 @@ def allocate(
 ) -> Command[Scalar]:
     """U = g⁻¹(demand − f − h d̂), with g inverted by damped least squares.
 
+    Where a plan has ordered the ballast, pitch and heading alone are solved for.
+
     Args:
         model: design model.
         measurement: measurement, which carries d̂.
@@ -140,6 +142,8 @@ def allocate(
     """
     push = map_fields(lambda d, f: d - f, demand, model.drift(measurement))
     push, gain = barrier((push, model.input_gain(measurement)))
+    if measurement.buoyancy_mass is not None:
+        return gain.solve_at(measurement.buoyancy_mass, push, damping)
     return gain.solve(push, damping)
 
 

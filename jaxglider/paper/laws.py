@@ -21,6 +21,7 @@ from jaxglider.control.performance import (
     HalfSechFunction,
     SechFunction,
 )
+from jaxglider.control.slocum import Slocum
 from jaxglider.control.transform import ErrorTransformation
 from jaxglider.core.containers import choose
 from jaxglider.signals import BodyAxes, Channels
@@ -105,11 +106,17 @@ def _fxtppc_roll(scenario: str, model: DesignModel) -> RollAwareFxTPPC:
     return RollAwareFxTPPC(_fxtppc(scenario, model))
 
 
+def _slocum(scenario: str, model: DesignModel) -> Slocum:
+    """Not the paper's; its funnel only serves to judge it by the same bounds."""
+    return Slocum(model, funnel=funnel(scenario))
+
+
 _WITH_PAPER_GAINS: dict[str, Callable[[str, DesignModel], AbstractController]] = {
     "smc": _smc,
     "ppc": _ppc,
     "fxtppc": _fxtppc,
     "fxtppc-roll": _fxtppc_roll,
+    "slocum": _slocum,
 }
 
 

@@ -15,6 +15,7 @@ from jaxglider.core.containers import Scalar, Series
 from jaxglider.core.numerics import scale_gradient
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.flight import close_flight
 from jaxglider.simulation.metrics import Metrics, finish
 from jaxglider.simulation.tick import Carry, TickInput, TickPlan, TickRecord
 
@@ -89,7 +90,12 @@ def roll(
         again = jax.checkpoint(through, prevent_cse=False)
         (last, _), outputs = lax.scan(again, start, parts)
         outputs = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), outputs)
-    metrics = finish(last.sums, last.state, last.reached, loop.scenario.clock.dt)
+    scenario = loop.scenario
+    status = scenario.reference.final_status(last.status)
+    metrics = finish(last.sums, last.state, last.reached, scenario.clock.dt, status)
+    if last.flight is not None:
+        flight = close_flight(last.flight, scenario.initial_state, last.state)
+        metrics = dataclasses.replace(metrics, flight=flight)
     return metrics, outputs
 
 
@@ -171,4 +177,5 @@ def _forgetting(carry: Carry, share: Scalar) -> Carry:
             carry,
         ),
         sums=carry.sums,
+        flight=carry.flight,
     )

@@ -11,7 +11,7 @@ from tuning.cli.options.short_errors import Mission
 SCENARIOS = ("switching", "waypoints")
 PLANTS = ("printed", "rigid-body", "seawing")
 PAPER_CONTROLLERS = ("smc", "ppc", "fxtppc")
-CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll")
+CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll", "slocum")
 OWN_LAW = "FILE.py:ClassName for a law of your own"
 
 
