@@ -27,6 +27,7 @@ ROOMS = (
     "jaxglider.onboard",
     "jaxglider.paper.tuned",
     "jaxglider.paper",
+    "jaxglider.files.flight",
     "jaxglider.files",
     "jaxglider.plotting",
     "jaxglider.export.c",

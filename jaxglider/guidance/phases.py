@@ -60,8 +60,12 @@ class HalfYo(Container):
         buoyancy_mass: m_b [kg], positive sinks.
         of_path: flag, `angle` is that of the path, not the pitch.
         depth_rate: wanted modulus of the depth rate [m/s], or None to leave the ballast
-            as it is. After each half yo the ballast grows by `ballast_gain` times what
-            is missing.
+            as it is. After each half yo the ballast of the next one is changed by
+            `ballast_gain` times what was missing.
+        adjust_every: time from one look at the depth rate to the next within a half
+            [s], or None to look at its end alone. Each look that misses more than
+            `depth_rate_band` adds to the ballast of this half.
+        depth_rate_band: missing depth rate that is borne then [m/s].
         ballast_gain: ballast per missing depth rate [kg s/m].
         largest: largest modulus of the ballast [kg] that this may lead to.
 
@@ -73,14 +77,17 @@ class HalfYo(Container):
     buoyancy_mass: Scalar = eqx.field(converter=as_float)
     of_path: bool = eqx.field(static=True, default=False)
     depth_rate: Scalar | None = eqx.field(converter=as_float, default=None)
+    adjust_every: Scalar | None = eqx.field(converter=as_float, default=None)
+    depth_rate_band: Scalar = eqx.field(converter=as_float, default=0.005)
     ballast_gain: Scalar = eqx.field(converter=as_float, default=2.0)
     largest: Scalar = eqx.field(converter=as_float, default=1.0)
 
     def __check_init__(self) -> None:
         half_turn = 0.5 * math.pi
         check_interval("HalfYo", "angle", self.angle, -half_turn, half_turn)
-        check_interval("HalfYo", "depth_rate", self.depth_rate, 0.0)
-        for name in ("ballast_gain", "largest"):
+        for name in ("depth_rate", "adjust_every"):
+            check_interval("HalfYo", name, getattr(self, name), 0.0)
+        for name in ("ballast_gain", "largest", "depth_rate_band"):
             check_interval("HalfYo", name, getattr(self, name), 0.0, closed_low=True)
 
 

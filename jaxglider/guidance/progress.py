@@ -214,6 +214,36 @@ def _adjusted(ballast: Scalar, half: HalfYo, rate: Scalar, ends: Flag) -> Scalar
     """The ballast of the next such half, heavier where this one was too slow."""
     if half.depth_rate is None:
         return ballast
+    if half.adjust_every is not None:
+        return jnp.where(ends, half.buoyancy_mass, ballast)
     more = half.ballast_gain * (half.depth_rate - rate)
     size = jnp.clip(jnp.abs(ballast) + more, 0.0, half.largest)
     return jnp.where(ends, jnp.sign(ballast) * size, ballast)
+
+
+def regulated(state: YoState, halves: tuple[HalfYo, HalfYo], dt: Scalar) -> YoState:
+    """The ballast of the half that is on, more of it where the glider is too slow.
+
+    Args:
+        state: progress so far.
+        halves: settings of dive and climb.
+        dt: tick [s].
+    """
+
+    def ballast(now: Scalar, half: HalfYo, phase: int) -> Scalar:
+        if half.depth_rate is None or half.adjust_every is None:
+            return now
+        looks = jnp.floor(state.entered / half.adjust_every)
+        looked = jnp.floor((state.entered - dt) / half.adjust_every)
+        missing = half.depth_rate - jnp.abs(state.rate)
+        slow = (state.phase == phase) & (looks > looked) & (state.entered > 0.0)
+        slow = slow & (missing > half.depth_rate_band)
+        size = jnp.minimum(jnp.abs(now) + half.ballast_gain * missing, half.largest)
+        return jnp.where(slow, jnp.sign(now) * size, now)
+
+    dive, climb = halves
+    return dataclasses.replace(
+        state,
+        dive_ballast=ballast(state.dive_ballast, dive, names.DIVE),
+        climb_ballast=ballast(state.climb_ballast, climb, names.CLIMB),
+    )

@@ -21,6 +21,7 @@ from jaxglider.guidance.progress import (
     arrived,
     counted,
     listened,
+    regulated,
     turned_over,
 )
 from jaxglider.guidance.reference import AbstractReference, clipped_angle_of_attack
@@ -107,6 +108,8 @@ class Yo(AbstractReference):
         seen = counted(listened(state, measurement, stop, dt), stop, dt)
         ended = self._ended(seen, measurement)
         turned = self._turned(ended, measurement, planned.time, aim, dt)
+        halves = self.settings.dive, self.settings.climb
+        turned = regulated(turned, halves, dt)
         orders = self._orders(turned)
         reference = self._reference(turned, measurement, aim, orders)
         at_surface = turned.phase == names.SURFACE

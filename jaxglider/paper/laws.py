@@ -27,6 +27,7 @@ from jaxglider.core.containers import choose
 from jaxglider.signals import BodyAxes, Channels
 from jaxglider.simulation.gains import LoadedGains
 from jaxglider.vehicle.design_model import DesignModel
+from jaxglider.vehicle.moving_mass import FinActuation
 
 SCENARIOS = ("switching", "waypoints")
 """The paper's two cases: switching attitudes, and a course of waypoints."""
@@ -108,7 +109,9 @@ def _fxtppc_roll(scenario: str, model: DesignModel) -> RollAwareFxTPPC:
 
 def _slocum(scenario: str, model: DesignModel) -> Slocum:
     """Not the paper's; its funnel only serves to judge it by the same bounds."""
-    return Slocum(model, funnel=funnel(scenario))
+    turns_mass = not isinstance(model.actuation, FinActuation)
+    sign = -1.0 if turns_mass else 1.0
+    return Slocum(model, funnel=funnel(scenario), climb_sign=sign)
 
 
 _WITH_PAPER_GAINS: dict[str, Callable[[str, DesignModel], AbstractController]] = {

@@ -17,6 +17,7 @@ from jaxglider.control.performance import (
     SechFunction,
 )
 from jaxglider.guidance import WaypointPath
+from jaxglider.guidance.routes import route_of
 from jaxglider.plotting.commands import commands
 from jaxglider.plotting.comparison import errors, tracking
 from jaxglider.plotting.path import on_the_map, path_3d, path_plan
@@ -110,9 +111,9 @@ def _builders(
 ) -> dict[str, Callable[[], Figure]]:
     """Makers of the figures by their names."""
     reference = scenario.reference
-    path = None
-    if isinstance(reference, WaypointPath):
-        path = on_the_map(reference, scenario.origin)
+    path = route_of(reference)
+    if path is not None:
+        path = on_the_map(path, scenario.origin)
     horizon = scenario.clock.ticks * float(scenario.clock.dt)
     shapes = published_functions() if functions is None else functions
     builders: dict[str, Callable[[], Figure]] = {

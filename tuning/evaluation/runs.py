@@ -47,7 +47,7 @@ class FinishedRun:
             "published_case": self.entry.published,
             **metrics_dict(
                 self.trajectory.metrics,
-                has_waypoints=self.entry.loop.scenario.reference.can_finish,
+                has_waypoints=self.entry.loop.scenario.reference.waypoints is not None,
             ),
         }
 

@@ -77,7 +77,7 @@ class FlightCase:
             scenario = dataclasses.replace(scenario, funnel=loop.controller.funnel)
         return cls(
             mission.name,
-            paper_case(scenario.reference.can_finish),
+            paper_case(scenario.reference.waypoints is not None),
             mission.plant,
             scenario,
             mission.model,
@@ -98,7 +98,7 @@ class FlightCase:
         model = loop.controller.model
         if model is None:
             model = paper.design_model(scenario.plant)
-        case = paper_case(scenario.reference.can_finish)
+        case = paper_case(scenario.reference.waypoints is not None)
         return cls(title, case, type(scenario.plant).__name__, scenario, model)
 
     def resolve(
