@@ -56,6 +56,12 @@ def _gain(default: float, unit: str, kind: Any = NOT_NEGATIVE) -> Any:
     )
 
 
+def _sign(default: float) -> Any:
+    kind = Interval(-1.0, 1.0, closed_low=True, closed_high=True)
+    metadata = {"set": kind, "tuned": False}
+    return eqx.field(converter=as_float, default=default, metadata=metadata)
+
+
 class SlocumState(eqx.Module):
     """Memory from tick to tick.
 
@@ -83,7 +89,10 @@ class Slocum(AbstractController):
         model: design model, which the trim is taken from.
         funnel: funnel that errors are judged by, or None; the law does not use it.
         steering_limit: δ_max, largest angle of the fin or the mass [rad].
-        climb_sign: sign of the steering in climbs: 1 for a fin, −1 for a moving mass.
+        dive_sign: sign of the steering in dives, 1 where a positive angle turns the
+            glider to starboard, −1 where it turns it to port.
+        climb_sign: sign of the steering in climbs. A fin has 1 and 1, a mass that banks
+            the glider 1 and −1; `jaxglider trim` tells of others.
         heading_gain: K_p [1/rad].
         heading_integral: K_i [1/(rad s)].
         heading_rate: K_d [s/rad].
@@ -109,11 +118,8 @@ class Slocum(AbstractController):
         default=0.425,
         metadata={"unit": "rad", "set": Interval(0.0, math.pi), "tuned": False},
     )
-    climb_sign: Scalar = eqx.field(
-        converter=as_float,
-        default=1.0,
-        metadata={"set": Interval(-1.0, 1.0, True, True), "tuned": False},
-    )
+    dive_sign: Scalar = _sign(1.0)
+    climb_sign: Scalar = _sign(1.0)
     heading_gain: Scalar = _gain(1.5, "1_rad")
     heading_integral: Scalar = _gain(0.02, "1_rad_s")
     heading_rate: Scalar = _gain(-4.0, "s_rad", _ANY)
@@ -143,7 +149,7 @@ class Slocum(AbstractController):
         """One run of the law."""
         error, rate = tracking_error(measurement, reference)
         climbing = reference.position.pitch > 0.0
-        sign = jnp.where(climbing, self.climb_sign, 1.0)
+        sign = jnp.where(climbing, self.climb_sign, self.dive_sign)
         fin, integral, free = self._steered(
             state, error.heading, rate.heading, sign, measurement, dt
         )

@@ -271,13 +271,13 @@ def read_reference(
     kind = table.text("type", "schedule")
     choice(kind, {"schedule": 0, "waypoints": 0, "yo": 0}, table.where("type"))
     if kind == "yo":
-        spiral, course = None, None
         if table.get("waypoints", None) is None:
-            course, spiral = read_course(table)
+            course, spiral = read_course(table, turns_mass)
         else:
             level = Schedule([0.0], [0.0], [0.0], [0.0])
             course = _waypoints(table.table("waypoints"), guidance, origin, level)
-        mission = read_yo(table.table("yo"), course, spiral, turns_mass)
+            spiral = None, turns_mass
+        mission = read_yo(table.table("yo"), course, spiral)
         table.close()
         return mission
     if kind == "schedule" and table.get("waypoints", None) is not None:

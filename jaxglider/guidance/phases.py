@@ -148,7 +148,7 @@ class SurfaceStay(Container):
         for name in ("duration", "first"):
             value = getattr(self, name)
             check_interval("SurfaceStay", name, value, 0.0, closed_low=True)
-        check_interval("SurfaceStay", "every_yos", self.every_yos, 1, closed_low=True)
+        check_interval("SurfaceStay", "every_yos", self.every_yos, 1.0, closed_low=True)
 
 
 class StopRules(Container):

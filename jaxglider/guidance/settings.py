@@ -75,7 +75,7 @@ class YoSettings(Container):
         check_interval("YoSettings", "altitude", self.altitude, 0.0)
         check_interval("YoSettings", "altimeter_range", self.altimeter_range, 0.0)
         check_interval("YoSettings", "duration", self.duration, 0.0)
-        check_interval("YoSettings", "yos", self.yos, 1, closed_low=True)
+        check_interval("YoSettings", "yos", self.yos, 1.0, closed_low=True)
         check_interval(
             "YoSettings", "top - bottom", self.top - self.bottom, high=0.0, remedy=ABOVE
         )

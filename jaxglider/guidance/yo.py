@@ -194,8 +194,8 @@ class Yo(AbstractReference):
         for number, leaving in leaves.items():
             following = jnp.where((phase == number) & leaving, after[number], following)
         surfaced = (following == names.SURFACE) & (phase == names.CLIMB)
-        up_there = surfaced | ((phase == names.SURFACE) & leaves[names.SURFACE])
-        completed = up_there & over & (state.status == names.UNDER_WAY)
+        # One tick after it came up, so that the surfacing still counts.
+        completed = (phase == names.SURFACE) & over & (state.status == names.UNDER_WAY)
         halves = plan.dive, plan.climb
         state = turned_over(state, following, halves, plan.early_share)
         return dataclasses.replace(

@@ -14,12 +14,13 @@ from tuning.cli.options.arguments import (
     add_dt,
     add_mission,
     law,
+    mission_file,
     seed,
 )
 from tuning.cli.options.export import add_controller_binary, add_export
 from tuning.cli.options.short_errors import Parser
 from tuning.cli.options.sweep import add_merge, add_rerun, add_sweep
-from tuning.cli.options.trim import add_trim, add_vehicles
+from tuning.cli.options.trim import add_missions, add_trim, add_vehicles
 from tuning.cli.options.tune import add_check, add_tune
 
 
@@ -45,6 +46,7 @@ def parser() -> argparse.ArgumentParser:
     _add_init(commands)
     _add_validate(commands)
     _add_cache(commands)
+    add_missions(commands)
     add_vehicles(commands)
     add_trim(commands)
     for command in commands.choices.values():
@@ -134,7 +136,7 @@ def _add_init(commands: Any) -> None:
 def _add_validate(commands: Any) -> None:
     text = "check a mission file without running it"
     parser = commands.add_parser("validate", help=text, description=text + ".")
-    parser.add_argument("path", type=Path, metavar="FILE")
+    parser.add_argument("path", type=mission_file, metavar="FILE")
 
 
 def _add_cache(commands: Any) -> None:

@@ -9,14 +9,17 @@ from typing import Any
 
 import jax
 
-from jaxglider.files.results import metrics_dict, write_trajectories
+from jaxglider.files.results import json_number, metrics_dict, write_trajectories
 from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import provenance, write_json, write_text
+from jaxglider.guidance.phases import STATUS_TEXTS, STATUSES
 from jaxglider.plotting import save_all
 from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.dives import halves
 from jaxglider.simulation.rollout import Trajectory, simulate
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
+from tuning.reporting.flights import markdown_flight, text_flight
 from tuning.reporting.tables import markdown_tables, text_table
 
 
@@ -49,7 +52,14 @@ class FinishedRun:
                 self.trajectory.metrics,
                 has_waypoints=self.entry.loop.scenario.reference.waypoints is not None,
             ),
+            **self._flight(),
         }
+
+    def _flight(self) -> dict[str, Any]:
+        """Dive by dive, where yos were flown."""
+        rows = halves(self.trajectory)
+        plain = [{key: json_number(value) for key, value in r.items()} for r in rows]
+        return {"halves": plain} if plain else {}
 
 
 def run_all(entries: list[PlannedRun], seed: int) -> tuple[list[FinishedRun], bool]:
@@ -110,21 +120,28 @@ def report_runs(
     for key in dict.fromkeys((s["scenario"], s["plant"]) for s in summaries):
         group = [s for s in summaries if (s["scenario"], s["plant"]) == key]
         tables.append(text_table(group) + "\n")
+        tables += [text + "\n" for text in map(text_flight, group) if text]
     print_result(result, "\n".join(tables), as_json=options.json)
     _write(options.out, done, result)
     failed = [s for s in summaries if not s["finite"]]
     for run in failed:
         note(f"{run['scenario']}, {run['controller']}: the run became non-finite.")
+    missed = [s for s in summaries if s.get("status", "completed") != "completed"]
+    for run in missed:
+        text = STATUS_TEXTS[STATUSES.index(run["status"])]
+        note(f"{run['scenario']}, {run['controller']}: {run['status']}: {text}.")
     if interrupted:
         return INTERRUPTED
-    return RUN_FAILED if failed else OK
+    return RUN_FAILED if failed or missed else OK
 
 
 def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
     progress = Progress()
     progress.show(f"writing to {out} ...")
     write_json(out / "metrics.json", result)
-    write_text(out / "tables.md", markdown_tables(result["runs"]))
+    flights = [line for run in result["runs"] for line in markdown_flight(run)]
+    text = markdown_tables(result["runs"]) + "\n".join(flights)
+    write_text(out / "tables.md", text)
     runs = {
         f"{d.entry.scenario}/{d.entry.plant}/{d.entry.controller}": d.trajectory
         for d in done

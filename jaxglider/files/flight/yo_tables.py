@@ -136,34 +136,39 @@ def read_energy(table: TomlTable, vehicle: EnergyModel | None) -> EnergyModel | 
     return changed
 
 
-def read_course(table: TomlTable) -> tuple[AbstractReference, float | None]:
-    """A constant heading, and the steering angle of a spiral or None.
+def read_course(
+    table: TomlTable, turns_mass: bool
+) -> tuple[AbstractReference, tuple[float | None, bool]]:
+    """A constant heading, and the steering angle of a spiral with its change of sign.
 
     Args:
         table: table of the reference, which has no waypoints.
+        turns_mass: flag, the vehicle steers by its moving mass: then the angle changes
+            its sign in climbs where the mission does not say.
     """
-    heading = 0.0
+    heading, flips = 0.0, turns_mass
     if table.get("heading_deg", None) is not None:
         heading = DEGREE * table.number("heading_deg")
     spiral = None
     if table.get("spiral", None) is not None:
         own = table.table("spiral")
         spiral = DEGREE * own.number("steering_angle_deg")
+        flips = _flag(own, "changes_sign", turns_mass)
         own.close()
     schedule = Schedule([0.0], [0.0], [heading], [0.0])
-    return AttitudeSchedule(schedule), spiral
+    return AttitudeSchedule(schedule), (spiral, flips)
 
 
 def read_yo(
-    table: TomlTable, course: AbstractReference, spiral: float | None, flips: bool
+    table: TomlTable, course: AbstractReference, spiral: tuple[float | None, bool]
 ) -> Yo:
     """A yo mission.
 
     Args:
         table: table of its settings.
         course: reference whose heading it follows.
-        spiral: steering angle that it holds instead [rad], or None.
-        flips: flag, that angle changes its sign in climbs.
+        spiral: steering angle that it holds instead [rad] or None, and whether that
+            angle changes its sign in climbs.
     """
     where = table.where("")[:-1]
     halves = {name: _half(table.table(name), name) for name in ("dive", "climb")}
@@ -191,10 +196,19 @@ def read_yo(
         **parts,
         **numbers,
         yos=yos,
-        spiral=spiral,
-        spiral_flips=flips,
+        spiral=spiral[0],
+        spiral_flips=spiral[1],
     )
     return Yo(course, settings)
+
+
+def _flag(table: TomlTable, key: str, default: bool) -> bool:
+    value = table.get(key, default)
+    if not isinstance(value, bool):
+        raise ConfigError(
+            f"{table.where(key)} must be true or false; received {value!r}."
+        )
+    return value
 
 
 def _maybe(table: TomlTable, key: str) -> float | None:
@@ -245,12 +259,6 @@ def _turning(table: TomlTable, order: str, longest: float) -> Turning:
 
 def _stay(table: TomlTable, climb: HalfYo) -> SurfaceStay:
     every = None if table.get("every_yos", None) is None else table.whole("every_yos")
-    at_waypoints = table.get("at_waypoints", False)
-    if not isinstance(at_waypoints, bool):
-        raise ConfigError(
-            f"{table.where('at_waypoints')} must be true or false; "
-            f"received {at_waypoints!r}."
-        )
     stay: SurfaceStay = built(
         SurfaceStay,
         table.where("")[:-1],
@@ -261,7 +269,7 @@ def _stay(table: TomlTable, climb: HalfYo) -> SurfaceStay:
         buoyancy_mass=table.number("buoyancy_mass_kg", float(climb.buoyancy_mass)),
         every_yos=every,
         every=_maybe(table, "every_s"),
-        at_waypoints=at_waypoints,
+        at_waypoints=_flag(table, "at_waypoints", False),
     )
     table.close()
     return stay

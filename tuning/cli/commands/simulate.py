@@ -27,7 +27,7 @@ def simulate_mission(options: argparse.Namespace) -> int:
     if options.config is None:
         raise ValueError(
             "a mission file is required: MISSION or --config FILE. `jaxglider init` "
-            "writes one to start from."
+            "writes one to start from, `jaxglider missions` lists some that fly."
         )
     mission = load_mission(options.config)
     if mission.stand_ins:
