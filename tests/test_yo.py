@@ -1,7 +1,5 @@
 """Yos: phases against a second implementation, orders, endings, and the flights."""
 
-import math
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,8 +8,6 @@ from yo_oracle import Pilot
 
 from jaxglider.guidance import AttitudeSchedule, Schedule, Yo
 from jaxglider.guidance.phases import (
-    APOGEE,
-    CLIMB,
     PHASES,
     STATUSES,
     HalfYo,
@@ -98,9 +94,7 @@ def reference(p):
         apogee=Turning(
             p["bottom_order"], p["bottom_longest"], buoyancy_mass=p["bottom_kg"]
         ),
-        inflection=Turning(
-            p["top_order"], p["top_longest"], buoyancy_mass=p["top_kg"]
-        ),
+        inflection=Turning(p["top_order"], p["top_longest"], buoyancy_mass=p["top_kg"]),
         surface=SurfaceStay(
             p["surface_depth"],
             p["stay"],
@@ -126,9 +120,10 @@ def reference(p):
 
 
 def worlds(rng):
-    """A kinematic glider and its sensors for each mission: drift, pump, noise, jumps."""
+    """A kinematic glider and sensors for each mission: drift, pump, noise, jumps."""
     noise = rng.normal(0.0, 0.05, (EACH, TICKS))
-    jumps = np.where(rng.random((EACH, TICKS)) < 0.02, rng.normal(0, 30, noise.shape), 0)
+    rare = rng.random((EACH, TICKS)) < 0.02
+    jumps = np.where(rare, rng.normal(0.0, 30.0, (EACH, TICKS)), 0.0)
     return {
         "speed": rng.uniform(0.5, 1.3, EACH),
         "drift": rng.choice([0.0, 0.0, 0.0, 0.05, -0.1, 0.4, -0.8], EACH),
@@ -144,9 +139,11 @@ def moved(world, depth, pump, ordered):
     """Depth and ballast a tick later; operators that NumPy and JAX share."""
     step = world["pump"] * DT
     change = ordered - pump
-    change = (change > step) * step + (abs(change) <= step) * change - (
-        change < -step
-    ) * step
+    change = (
+        (change > step) * step
+        + (abs(change) <= step) * change
+        - (change < -step) * step
+    )
     pump = pump + change
     depth = depth + DT * (world["speed"] * pump + world["drift"] * 0.3)
     return depth * (depth > 0.0), pump

@@ -1,7 +1,7 @@
 """The phases of a yo once more, in plain Python, written from what the settings say.
 
-Numbers only, one dictionary of them for a mission, `if` and `else` in the order in which
-a pilot would tell it. `tests/test_yo.py` flies both through the same depths.
+Numbers only, one dictionary of them for a mission, `if` and `else` in the order in
+which a pilot would tell it. `tests/test_yo.py` flies both through the same depths.
 """
 
 import math
@@ -175,9 +175,7 @@ class Pilot:
             after = self.ballast["climb" if where == "bottom" else "dive"]
             waits = plan[f"{where}_order"] == "mass"
             between = plan[f"{where}_kg"]
-            ballast = (
-                self.ordered if waits else (after if between is None else between)
-            )
+            ballast = self.ordered if waits else (after if between is None else between)
         held = (self.phase == APOGEE and plan["bottom_order"] == "pump") or (
             self.phase == INFLECTION and plan["top_order"] == "pump"
         )

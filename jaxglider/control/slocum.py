@@ -33,7 +33,7 @@ from jaxglider.control.controller import (
 )
 from jaxglider.control.funnel import Funnel
 from jaxglider.control.performance import Bound
-from jaxglider.core.containers import Scalar, as_float
+from jaxglider.core.containers import Flag, Scalar, as_float
 from jaxglider.core.numerics import square_root
 from jaxglider.core.sets import NOT_NEGATIVE, POSITIVE, Interval
 from jaxglider.guidance.phases import SURFACE
@@ -196,7 +196,7 @@ class Slocum(AbstractController):
         state: SlocumState,
         error: Scalar,
         rate: Scalar,
-        climbing: Scalar,
+        climbing: Flag,
         gliding: Scalar,
         dt: Scalar,
     ) -> tuple[Scalar, Scalar, Scalar]:

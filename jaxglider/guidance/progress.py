@@ -32,7 +32,7 @@ class YoState(eqx.Module):
         entered: time in the phase [s].
         half: time since the present dive, climb or stay began, inflection and all [s].
         yos: number of yos completed.
-        surfaced_yos: that number when the glider last surfaced.
+        surfaced_yos: number of them when the glider last surfaced.
         surfaced_at: time when it was last at the surface [s].
         surfaced_target: number of the waypoint made for then.
         depth: last depth believed [m].

@@ -182,7 +182,7 @@ def _cache(options: argparse.Namespace) -> int:
 
 
 def _missions(options: argparse.Namespace) -> int:
-    from tuning.cli.commands.missions import missions
+    from tuning.cli.commands.vehicles import missions
 
     return missions(options)
 

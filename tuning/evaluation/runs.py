@@ -15,7 +15,7 @@ from jaxglider.files.writing import provenance, write_json, write_text
 from jaxglider.guidance.phases import STATUS_TEXTS, STATUSES
 from jaxglider.plotting import save_all
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.dives import halves
+from jaxglider.simulation.flight import halves
 from jaxglider.simulation.rollout import Trajectory, simulate
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED

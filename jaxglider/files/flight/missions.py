@@ -31,7 +31,7 @@ def mission_path(name: str) -> Path:
 
 
 def mission_summaries() -> dict[str, dict[str, str]]:
-    """What each mission says of itself: vehicle, law, task and length, in words."""
+    """Vehicle, law, task and length of each mission, in words."""
     return {name: _summary(name) for name in mission_names()}
 
 

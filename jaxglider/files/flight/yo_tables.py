@@ -54,13 +54,13 @@ PUMP_KEYS = {
 
 
 def built(make: Any, path: str, *args: Any, **kwargs: Any) -> Any:
-    """What a class makes of its arguments; its complaint with the path of the table.
+    """Result of a class called; its complaint with the path of the table.
 
     Args:
         make: class or function.
         path: path of the table, for the message.
-        args: its arguments.
-        kwargs: its arguments by name.
+        args: arguments.
+        kwargs: arguments by name.
 
     Raises:
         ConfigError: it has refused one.
