@@ -161,7 +161,7 @@ def changed(loop, where, value):
         (lambda s: s.seabed.depth, 20.0, "bottom"),
         # Too heavy for water so light: the pump does not make it rise.
         (lambda s: s.water.stratification.neutral_depth, 200.0, "stall"),
-        # Light enough to leave 40 m, too heavy to come up: it hangs where it is neutral.
+        # Light enough to leave 40 m, too heavy to come up: it hangs on the way.
         (lambda s: s.reference.settings.climb.buoyancy_mass, -0.01, "hover"),
         (lambda s: s.reference.course.north, 1e5, "unfinished"),
         (lambda s: s.energy.battery, 2e3, "battery empty"),

@@ -13,6 +13,7 @@ from tuning.cli.options.arguments import (
     add_common,
     add_dt,
     add_mission,
+    count,
     law,
     mission_file,
     seed,
@@ -101,6 +102,13 @@ def _add_simulate(commands: Any) -> None:
     add_mission(parser, "the same; `jaxglider init` writes one to start from")
     parser.add_argument(
         "--seed", type=seed, metavar="N", help="of the sea, instead of the file's"
+    )
+    parser.add_argument(
+        "--keep-every",
+        type=count,
+        default=1,
+        metavar="N",
+        help="record every Nth tick alone, which must divide their number; default: 1",
     )
     steered = parser.add_mutually_exclusive_group()
     steered.add_argument(

@@ -4,6 +4,7 @@ import argparse
 import dataclasses
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -62,17 +63,23 @@ class FinishedRun:
         return {"halves": plain} if plain else {}
 
 
-def run_all(entries: list[PlannedRun], seed: int) -> tuple[list[FinishedRun], bool]:
+def run_all(
+    entries: list[PlannedRun], seed: int, keep_every: int = 1
+) -> tuple[list[FinishedRun], bool]:
     """Run the entries one after the other; an interruption keeps what is done.
 
     Args:
         entries: runs to make.
         seed: seed of the sea, one for all.
+        keep_every: ticks from one that is recorded to the next.
+
+    Raises:
+        ValueError: it does not divide the ticks of a run.
 
     Returns:
         The runs made, and whether they were interrupted.
     """
-    run = jax.jit(simulate)
+    run = jax.jit(partial(simulate, keep_every=keep_every))
     progress, done = Progress(), []
     try:
         for number, entry in enumerate(entries, 1):

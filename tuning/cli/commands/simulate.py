@@ -45,7 +45,7 @@ def simulate_mission(options: argparse.Namespace) -> int:
     for warning in start_warnings(loop):
         note(f"warning: {warning}")
     entry = PlannedRun(mission.name, mission.plant, name, loop, published=False)
-    done, interrupted = run_all([entry], seed=seed)
+    done, interrupted = run_all([entry], seed=seed, keep_every=options.keep_every)
     return report_runs(options, done, interrupted, seed)
 
 
