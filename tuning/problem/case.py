@@ -71,7 +71,8 @@ class FlightCase:
         loop, scenario = mission.loop, mission.loop.scenario
         if duration is not None:
             clock = scenario.clock
-            clock = Clock.lasting(duration, float(clock.dt), clock.substeps)
+            longer = Clock.lasting(duration, float(clock.dt), clock.substeps)
+            clock = dataclasses.replace(longer, moving=clock.moving)
             scenario = dataclasses.replace(scenario, clock=clock)
         if scenario.funnel is None:
             scenario = dataclasses.replace(scenario, funnel=loop.controller.funnel)

@@ -25,7 +25,7 @@ from tuning.campaign.analysis.summary import ranked
 from tuning.campaign.run.campaign import Campaign, build
 from tuning.campaign.run.engine import Engine
 from tuning.campaign.run.loop import compute, draw
-from tuning.campaign.run.rows import COLUMNS, Rows, flatten, unit
+from tuning.campaign.run.rows import Rows, flatten, unit
 from tuning.campaign.run.store import Manifest, read_manifest, read_rows, whole_rows
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.output_folder import writing_to
@@ -169,7 +169,9 @@ def _result(
     row = {
         label: {
             name: {"value": _plain(value), "unit": unit(name)}
-            for name, value in zip(COLUMNS, kept["metrics"][number], strict=True)
+            for name, value in zip(
+                manifest.columns, kept["metrics"][number], strict=True
+            )
         }
         for number, label in enumerate(runs)
     }

@@ -4,7 +4,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from tuning.campaign.analysis.summary import MEASURES, CampaignSummary, text_summary
+from tuning.campaign.analysis.summary import (
+    CampaignSummary,
+    measures_of,
+    text_summary,
+)
 from tuning.campaign.execute import Execution, execute, execute_on_hosts
 from tuning.campaign.report.levels import folder_names, named, write_levels
 from tuning.campaign.run.campaign import Campaign, build
@@ -26,7 +30,10 @@ def sweep(options: argparse.Namespace) -> int:
     names = folder_names(levels)
     campaigns = {level: build(campaign_settings(options, level)) for level in levels}
     for rule in options.require:
-        rule.check(campaigns[levels[0]].labels, MEASURES)
+        rule.check(
+            campaigns[levels[0]].labels,
+            measures_of(flight=campaigns[levels[0]].has_flight),
+        )
     codes: list[int] = []
     summaries: dict[str, CampaignSummary] = {}
     for level, campaign in campaigns.items():
