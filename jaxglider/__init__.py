@@ -3,13 +3,16 @@
 from jaxglider.control import PPC as PPC
 from jaxglider.control import SMC as SMC
 from jaxglider.control import AbstractController as AbstractController
+from jaxglider.control import BankSteering as BankSteering
 from jaxglider.control import ChannelGains as ChannelGains
 from jaxglider.control import ControlRecord as ControlRecord
 from jaxglider.control import Funnel as Funnel
 from jaxglider.control import FxTPPC as FxTPPC
+from jaxglider.control import Inversion as Inversion
 from jaxglider.control import RollAwareFxTPPC as RollAwareFxTPPC
 from jaxglider.control.observer import FixedTimeObserver as FixedTimeObserver
 from jaxglider.control.observer import NoObserver as NoObserver
+from jaxglider.control.specification import Specification as Specification
 from jaxglider.control.transform import ErrorTransformation as ErrorTransformation
 from jaxglider.core.batching import map_members as map_members
 from jaxglider.core.batching import member_keys as member_keys

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglider import Calm, paper
+from jaxglider import Calm, Specification, paper
 from tuning.problem.baseline import baseline_metrics, comparable
 from tuning.problem.objective import CHANNELS, DEFAULT_COST_SCALE, Objective
 from tuning.problem.objective_file import DEFAULT_WEIGHTS
@@ -23,7 +23,9 @@ LIMITS = {"depth": 0.4, "pitch": 0.06, "heading": np.pi / 2}
 def loop():
     # The law that compiles fastest.
     loop = paper.make_loop("switching", "printed", "smc", duration=20.0)
-    judged = dataclasses.replace(loop.scenario, funnel=paper.funnel("switching"))
+    judged = dataclasses.replace(
+        loop.scenario, specification=Specification(paper.funnel("switching"))
+    )
     return dataclasses.replace(loop, scenario=judged)
 
 
@@ -111,7 +113,7 @@ def test_members_that_start_off_a_heading_kept_exactly_are_not_lost(evaluate_jit
 
 def test_without_a_funnel_of_the_scenario_the_laws_own_edges_count(loop, nominal):
     own = dataclasses.replace(
-        loop, scenario=dataclasses.replace(loop.scenario, funnel=None)
+        loop, scenario=dataclasses.replace(loop.scenario, specification=None)
     )
     still = jax.tree.map(jnp.zeros_like, nominal)
     for channel, of in vars(comparable(still, own).channels).items():

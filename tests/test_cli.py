@@ -19,6 +19,7 @@ import tuning.api.results
 import tuning.cli.commands.compare
 import tuning.cli.commands.simulate
 import tuning.cli.main
+import tuning.cli.options.arguments
 import tuning.cli.parser
 import tuning.evaluation.runs
 from jaxglider import paper
@@ -31,6 +32,7 @@ from jaxglider.paper.tuned import tuned_gains
 from tuning.cli.main import main
 from tuning.cli.parser import parser
 from tuning.space.coordinates import tunable_paths
+from tuning.space.space import CONSTRAINTS, HELD_BY_DEFAULT
 
 # As long as the loops of test_metrics: their compiled program serves this one too.
 MISSION = """
@@ -87,6 +89,11 @@ def _refused(answer, *parts):
 def test_names_on_the_command_line_are_those_of_the_package():
     assert tuning.cli.parser.SCENARIOS == paper.SCENARIOS
     assert tuple(paper.PLANTS) == tuning.cli.parser.PLANTS
+    assert HELD_BY_DEFAULT == tuning.cli.options.arguments.HELD_BY_DEFAULT
+    assert set(CONSTRAINTS) == {
+        *tuning.cli.options.arguments.HELD_BY_DEFAULT,
+        *tuning.cli.options.arguments.HELD_ON_REQUEST,
+    }
     assert tuple(BY_NAME) == tuning.cli.parser.CONTROLLERS
     assert paper.CONTROLLERS == tuning.cli.parser.PAPER_CONTROLLERS
 

@@ -461,9 +461,11 @@ def test_gains_come_back_with_the_guidance_they_were_tuned_with():
 def test_a_mission_can_say_what_its_runs_are_judged_by():
     table = {"performance": {"depth": {"final_bound_m": 0.6}}}
     scenario = build_mission({"funnel": table}).loop.scenario
-    assert float(scenario.funnel.performance.depth.final_bound) == 0.6
-    assert float(scenario.funnel.performance.depth.initial) == 1.0
-    assert build_mission(PLAIN).loop.scenario.funnel is None
+    depth = scenario.specification.funnel.performance.depth
+    assert float(depth.final_bound) == 0.6
+    assert float(depth.initial) == 1.0
+    plain = build_mission(PLAIN).loop.scenario.specification
+    assert eqx.tree_equal(plain.funnel, paper.funnel("switching"))
 
 
 def test_a_self_contained_mission_needs_no_files(tmp_path):

@@ -285,7 +285,9 @@ def test_the_roll_aware_law_adds_its_formulas_to_the_papers(step):
 
 def test_a_hedged_surface_settles_in_time_whatever_the_actuator_can_do():
     # A mass that turns by 0.1 rad at most, where the turn asks for all it can get.
-    setting = paper.make_scenario("switching", "rigid-body", duration=40.0)
+    setting = paper.make_scenario(
+        "switching", "rigid-body", duration=40.0, actuators="ideal"
+    )
     actuators = dataclasses.replace(setting.actuators, mass_angle=Actuator(0.1))
     setting = dataclasses.replace(setting, disturbance=Calm(), actuators=actuators)
     model = paper.design_model(setting.plant, 1.0)
@@ -442,13 +444,15 @@ def test_reaching_law_settles_within_its_bound_from_anywhere(mu, gain):
 
     starts = 10.0 ** np.arange(-2, 7, 2)
     found = settling_times(law, starts, gain)
-    assert np.all(found <= 2 * mu / gain)
     # With z = s^(1/μ) the time is μ/k times the integral of dz/(z² + z + 1).
     root = np.sqrt(3)
     exact = 2 * np.arctan((2 * starts ** (1 / mu) + 1) / root) / root - np.pi / 3 / root
     np.testing.assert_allclose(found, mu / gain * exact, rtol=2e-4)
-    gains = ChannelGains(gain, 2 * gain, mu=mu)
-    np.testing.assert_allclose(gains.settling_bound(), 2 * mu / gain)
+    # What it tends to from ever farther away is the bound, and nothing reaches it.
+    bound = float(ChannelGains(gain / 3, 2 * gain / 3, mu=mu).settling_bound())
+    assert bound == pytest.approx(1.2091995761561452 * mu / gain)
+    assert np.all(found < bound)
+    assert found[-1] > 0.98 * bound if mu < 2 else found[-1] > 0.95 * bound
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from jaxglider import paper
+from jaxglider import BankSteering, Inversion, paper
 from jaxglider.control.fxtppc import tian_exponents
 from jaxglider.control.observer import FixedTimeObserver, NoObserver
 from jaxglider.control.performance import (
@@ -20,6 +20,7 @@ from jaxglider.control.performance import (
 )
 from jaxglider.core.toml import ConfigError
 from jaxglider.files.codec import FAMILIES, decode, encode
+from jaxglider.files.gains import decode_gains
 
 MODEL = paper.design_model(paper.make_scenario().plant)
 LAWS = (*paper.CONTROLLERS, paper.ROLL_AWARE)
@@ -98,6 +99,7 @@ def test_the_design_model_is_not_written():
         "funnel",
         "gains",
         "damping",
+        "steering",
         "smoothing",
         "exponents",
     }
@@ -131,6 +133,24 @@ def test_the_law_within_the_roll_aware_one_is_of_one_kind():
     template = paper.make_controller(paper.ROLL_AWARE, "switching", MODEL)
     with pytest.raises(ConfigError, match=r"controller\.law\.type .* one of fxtppc;"):
         decode(template, {"law": {"type": "smc"}}, "controller")
+
+
+def test_a_file_that_says_nothing_of_steering_means_inversion_on_every_plant():
+    model = paper.design_model(paper.make_scenario("switching", "rigid-body").plant)
+    begins = paper.make_controller("fxtppc", "switching", model)
+    assert isinstance(begins.steering, BankSteering)
+    older = {"controller": {"type": "fxtppc"}}
+    law = decode_gains(older, "switching", model).controller
+    assert isinstance(law.steering, Inversion)
+    assert law.hedging is None
+    named = {"type": "bank", "largest_bank_rad": 0.5, "smallest_response_per_s3": 2e-3}
+    newer = {"controller": {"type": "fxtppc", "steering": named, "hedging": 0.25}}
+    law = decode_gains(newer, "switching", model).controller
+    assert (float(law.steering.largest_bank), float(law.hedging)) == (0.5, 0.25)
+    again = decode_gains(
+        {"controller": _through_toml(law)}, "switching", model
+    ).controller
+    assert eqx.tree_equal(again, law)
 
 
 def test_an_empty_table_is_the_template():
@@ -170,6 +190,7 @@ def test_every_name_stands_for_a_member_of_its_family():
         ["fxtppc", "fxtppc-roll", "ppc", "smc"],
         ["fixed-time", "none"],
         ["exponential", "ppc", "sech"],
+        ["bank", "inversion"],
     ]
     for base, members in FAMILIES.items():
         assert all(issubclass(member, base) for member in members.values())

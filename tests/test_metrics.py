@@ -30,7 +30,7 @@ COMMANDS = {
 
 def hard_pressed(loop):
     """The same loop with a funnel that closes within the run, and weak actuators."""
-    return eqx.tree_at(
+    loop = eqx.tree_at(
         lambda x: (
             x.controller.funnel.performance.depth.settling_time,
             x.controller.funnel.performance.pitch.settling_time,
@@ -42,6 +42,8 @@ def hard_pressed(loop):
         loop,
         tuple(map(as_float, (4.0, 5.0, 6.0, 0.05, 0.02, 0.01))),
     )
+    specified = lambda x: x.scenario.specification.funnel
+    return eqx.tree_at(specified, loop, loop.controller.funnel)
 
 
 def short_path(loop):

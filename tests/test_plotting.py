@@ -63,6 +63,7 @@ def tick_at(number, active_until, error_scale, bound):
         reference=reference,
         error=error,
         limits=Channels(edges, edges, edges),
+        law_limits=Channels(edges, edges, edges),
         surface=Channels(zero, zero, zero),
         wanted=map_fields(lambda u: 1e9 * u, applied),
         applied=applied,

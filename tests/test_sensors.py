@@ -9,7 +9,7 @@ import jax.random as jr
 import numpy as np
 import pytest
 
-from jaxglider import paper
+from jaxglider import Specification, paper
 from jaxglider.core.containers import as_float
 from jaxglider.signals import Command
 from jaxglider.vehicle.actuators import NEVER, Actuator, Failure
@@ -36,7 +36,7 @@ def troubled(bias=0.0, noise=0.0, stuck=NEVER, weak=NEVER, width=1.0):
         loop.scenario,
         actuators=actuators,
         sensors={"heading": Sensor(bias), "depth": Sensor(0.0, noise)},
-        funnel=judge,
+        specification=Specification(judge),
     )
     return dataclasses.replace(loop, scenario=scenario)
 
@@ -63,8 +63,10 @@ def test_absent_trouble_is_the_plain_loop(calm, simulate_jit):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
 
 
-def test_without_sensors_and_funnel_a_tick_has_no_place_for_them():
+def test_without_sensors_and_specification_a_tick_has_no_place_for_them():
     loop = paper.make_loop("switching", duration=1.0)
+    bare = dataclasses.replace(loop.scenario, specification=None)
+    loop = dataclasses.replace(loop, scenario=bare)
     inputs = loop.inputs(loop.scenario.sea(KEY), loop.scenario.noise(KEY))
     plan = inputs.plan
     assert inputs.noise_start is plan.noise_end is plan.judging is None

@@ -7,7 +7,6 @@ the folder compiles it and compares it with JAX, tick by tick.
 
 # %%
 import argparse
-import dataclasses
 from pathlib import Path
 
 import jax
@@ -29,7 +28,6 @@ jax.config.update("jax_enable_x64", True)  # the export is compared in double pr
 # `proportional.py` beside this file has the law: a spring and a damper on each channel.
 
 scenario = paper.make_scenario("switching", plant="printed", duration=options.duration)
-scenario = dataclasses.replace(scenario, funnel=paper.funnel("switching"))
 model = paper.design_model(scenario.plant)
 loop = jaxglider.ClosedLoop(scenario, Proportional(model), jaxglider.NoObserver())
 

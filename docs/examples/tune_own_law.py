@@ -7,7 +7,6 @@ gliders and seas.
 
 # %%
 import argparse
-import dataclasses
 from pathlib import Path
 
 import jax
@@ -29,10 +28,9 @@ jaxglider.enable_fast_loops()
 jax.config.update("jax_enable_x64", True)
 
 # %%
-# The scenario gets the paper's funnel, which every law is then judged by.
+# The scenario has the paper's specification, which every law is judged by.
 
 scenario = paper.make_scenario("switching", plant="printed", duration=options.duration)
-scenario = dataclasses.replace(scenario, funnel=paper.funnel("switching"))
 law = Proportional(paper.design_model(scenario.plant))
 loop = jaxglider.ClosedLoop(scenario, law, jaxglider.NoObserver())
 

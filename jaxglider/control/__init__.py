@@ -12,3 +12,6 @@ from jaxglider.control.fxtppc import tian_exponents as tian_exponents
 from jaxglider.control.fxtppc_roll import RollAwareFxTPPC as RollAwareFxTPPC
 from jaxglider.control.ppc import PPC as PPC
 from jaxglider.control.smc import SMC as SMC
+from jaxglider.control.steering import AbstractSteering as AbstractSteering
+from jaxglider.control.steering import BankSteering as BankSteering
+from jaxglider.control.steering import Inversion as Inversion

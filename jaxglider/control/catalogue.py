@@ -1,4 +1,4 @@
-"""The catalogue: every control law, observer and performance function by its name.
+"""The catalogue: every law, observer, performance function and steering by its name.
 
 A new law is a file of its own and a line here. Whatever lists laws reads it: files,
 command line, tables, figures, and the tests of the contract that every law keeps.
@@ -19,6 +19,7 @@ from jaxglider.control.performance import (
 from jaxglider.control.ppc import PPC
 from jaxglider.control.slocum import Slocum
 from jaxglider.control.smc import SMC
+from jaxglider.control.steering import AbstractSteering, BankSteering, Inversion
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,4 +59,9 @@ PERFORMANCE_FUNCTIONS: dict[str, type[AbstractPerformanceFunction]] = {
     "sech": SechFunction,
     "exponential": ExponentialFunction,
     "ppc": HalfSechFunction,
+}
+
+STEERINGS: dict[str, type[AbstractSteering]] = {
+    "inversion": Inversion,
+    "bank": BankSteering,
 }

@@ -2,20 +2,19 @@
 
 A controller never sees the plant. It gets a measurement and asks its own design model
 for f, g and h. All three laws of the paper differ only in the output acceleration they
-demand; `allocate` turns that into a command, U = g⁻¹(demand − f − h d̂).
+demand; `allocate` turns that into a command, by the law's `steering`.
 """
 
 from abc import abstractmethod
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 
 from jaxglider.control.funnel import Funnel, Limits
 from jaxglider.control.performance import Bound, unbounded
+from jaxglider.control.steering import INVERSION, AbstractSteering
 from jaxglider.core.containers import Container, Scalar
-from jaxglider.core.numerics import barrier
 from jaxglider.core.rotations import wrap
 from jaxglider.signals import (
     Channels,
@@ -123,14 +122,14 @@ def tracking_error(
     return error, rate
 
 
-@jax.named_scope("allocation")
 def allocate(
     model: DesignModel,
     measurement: Measurement,
     demand: Channels[Scalar],
     damping: Command[Scalar],
+    steering: AbstractSteering = INVERSION,
 ) -> Command[Scalar]:
-    """U = g⁻¹(demand − f − h d̂), with g inverted by damped least squares.
+    """The command for the output acceleration that a law asks for.
 
     Where a plan has ordered the ballast, pitch and heading alone are solved for.
 
@@ -139,12 +138,27 @@ def allocate(
         measurement: measurement, which carries d̂.
         demand: wanted output acceleration η'' [m/s², rad/s²].
         damping: terms added to the diagonal of gᵀg, one positive number per actuator.
+        steering: way to steer; the paper's inversion of g by default.
     """
-    push = map_fields(lambda d, f: d - f, demand, model.drift(measurement))
-    push, gain = barrier((push, model.input_gain(measurement)))
-    if measurement.buoyancy_mass is not None:
-        return gain.solve_at(measurement.buoyancy_mass, push, damping)
-    return gain.solve(push, damping)
+    return steering.command(model, measurement, demand, damping)
+
+
+def steered_error(
+    steering: AbstractSteering,
+    model: DesignModel,
+    measurement: Measurement,
+    reference: Reference,
+) -> tuple[Channels[Scalar], Channels[Scalar]]:
+    """e and e' as `tracking_error`, the heading rate as the steering has it.
+
+    Args:
+        steering: way to steer.
+        model: design model.
+        measurement: everything that may be known of the glider.
+        reference: wanted outputs [m, rad] and their rates [m/s, rad/s].
+    """
+    error, rate = tracking_error(measurement, reference)
+    return error, steering.error_rate(model, measurement, reference, rate)
 
 
 def default_damping() -> Command[Scalar]:

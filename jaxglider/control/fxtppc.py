@@ -8,8 +8,18 @@ U   = g⁻¹(−κ/λ + η_d'' − f − h d̂ − (A + u_s)/λ).
 
 The exponents follow from ρ in one of two pairings; see `paper_exponents` and
 `tian_exponents`. Deviation from the print: d̂ enters as h d̂.
+
+With `hedging` η, what is asked for and not carried out is taken out of the integral,
+
+s = ε₂ + ∫ (A − η λ ν_h) dt,   ν_h the `shortfall` of the steering,
+
+so that s sees only what the law itself is to blame for, whatever kept the command back:
+an actuator's end, rate or lag, or a bank that is large enough. Without, the integral
+winds up while an actuator cannot follow. Source: pseudo-control hedging, Johnson and
+Calise (2000), on a sliding surface instead of a reference model.
 """
 
+import math
 from collections.abc import Callable
 
 import equinox as eqx
@@ -21,14 +31,15 @@ from jaxglider.control.controller import (
     ControlRecord,
     allocate,
     default_damping,
-    tracking_error,
+    steered_error,
 )
 from jaxglider.control.funnel import Funnel
 from jaxglider.control.performance import Bound
+from jaxglider.control.steering import INVERSION, AbstractSteering, Asked
 from jaxglider.control.transform import TransformedError
 from jaxglider.core.containers import Container, Scalar, as_float
 from jaxglider.core.numerics import modulus_powers, signed_powers
-from jaxglider.core.sets import ABOVE_ONE, K1_BELOW_K2, POSITIVE, UNIT, Coupled
+from jaxglider.core.sets import ABOVE_ONE, K1_BELOW_K2, POSITIVE, SHARE, UNIT, Coupled
 from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
 from jaxglider.vehicle.design_model import DesignModel
 
@@ -59,6 +70,9 @@ EXPONENTS: dict[str, Callable[[Scalar], tuple[Pair, Pair]]] = {
 }
 
 
+SURFACE_CONSTANT = 2.0 * math.pi / (3.0 * math.sqrt(3.0))
+"""The integral of 1/(y² + y + 1) over all y > 0, 1.2092."""
+
 _K1_AND_K2 = Coupled(K1_BELOW_K2, "k1", "k2")
 
 
@@ -81,8 +95,18 @@ class ChannelGains(Container):
     mu: Scalar = eqx.field(converter=as_float, default=2.0, metadata={"set": ABOVE_ONE})
 
     def settling_bound(self) -> Scalar:
-        """Bound on the settling time of s [s]: 2μ/min(k₁, k₂)."""
-        return 2.0 * self.mu / jnp.minimum(self.k1, self.k2)
+        """Settling time of s from however far away [s]: 2π/(3√3) μ/(k₁ + k₂).
+
+        It is exact. With k = k₁ + k₂ and y = |s|^{1/μ}, ds/s = μ dy/y, the time from
+        infinity to zero under s' = −k (sig^{1+1/μ}(s) + s + sig^{1−1/μ}(s)) is
+
+        ∫₀^∞ ds/(k s (y + 1 + 1/y)) = (μ/k) ∫₀^∞ dy/(y² + y + 1) = (μ/k) 2π/(3√3).
+
+        The paper's 2μ/min(k₁, k₂) leaves the linear term out and takes the smaller gain
+        twice. Both are bounds on s, not on the error, with the disturbance estimated
+        and unlimited actuators; the smoothing δ of the powers stops s at |s| of δ.
+        """
+        return SURFACE_CONSTANT * self.mu / (self.k1 + self.k2)
 
 
 class FxTPPCState(eqx.Module):
@@ -90,9 +114,11 @@ class FxTPPCState(eqx.Module):
 
     Attributes:
         integral: ∫ A dt of each channel.
+        asked: demand of the previous tick; None without hedging.
     """
 
     integral: Channels[Scalar]
+    asked: Asked | None = None
 
 
 class FxTPPC(AbstractController):
@@ -105,6 +131,9 @@ class FxTPPC(AbstractController):
         damping: damping of the allocation, one number per actuator.
         smoothing: δ of the signed powers.
         exponents: the pairing, `paper_exponents` or `tian_exponents`.
+        steering: way to steer; the paper's inversion by default.
+        hedging: η in [0, 1], share of the shortfall that the integral of the surface is
+            spared; None for the paper's law, which has no such thing.
 
     Raises:
         ValueError: a gain is outside its set.
@@ -122,11 +151,18 @@ class FxTPPC(AbstractController):
     exponents: Callable[[Scalar], tuple[Pair, Pair]] = eqx.field(
         static=True, default=paper_exponents
     )
+    steering: AbstractSteering = INVERSION
+    hedging: Scalar | None = eqx.field(
+        converter=as_float, default=None, metadata={"set": SHARE}
+    )
 
     def init(self) -> FxTPPCState:
         """The integral of the sliding surface, zero on each channel."""
         zero = jnp.zeros_like(self.smoothing)
-        return FxTPPCState(Channels(zero, zero, zero))
+        integral = Channels(zero, zero, zero)
+        if self.hedging is None:
+            return FxTPPCState(integral)
+        return FxTPPCState(integral, Asked(Command(zero, zero, zero), zero))
 
     def step(
         self,
@@ -137,9 +173,10 @@ class FxTPPC(AbstractController):
         dt: Scalar,
     ) -> tuple[Command[Scalar], FxTPPCState, ControlRecord]:
         """One tick; the integral is updated after the command is computed."""
-        error, rate = tracking_error(measurement, reference)
+        error, rate = steered_error(self.steering, self.model, measurement, reference)
         transformed = self.funnel.transform(error, rate, bounds)
-        law = map_fields(self._channel, self.gains, transformed, state.integral)
+        before = self._hedged(state, measurement, transformed, dt)
+        law = map_fields(self._channel, self.gains, transformed, before)
         demand = map_fields(
             lambda acceleration, t, c: (
                 acceleration - (t.offset + c.sliding + c.reaching) * t.gain_inverse
@@ -148,12 +185,31 @@ class FxTPPC(AbstractController):
             transformed,
             law,
         )
-        wanted = allocate(self.model, measurement, demand, self.damping)
+        wanted = allocate(self.model, measurement, demand, self.damping, self.steering)
         integral = map_fields(
-            lambda integral, c: integral + dt * c.sliding, state.integral, law
+            lambda integral, c: integral + dt * c.sliding, before, law
         )
         record = ControlRecord(error, map_fields(lambda c: c.surface, law))
-        return wanted, FxTPPCState(integral), record
+        asked = None if self.hedging is None else Asked(wanted, demand.heading)
+        return wanted, FxTPPCState(integral, asked), record
+
+    def _hedged(
+        self,
+        state: FxTPPCState,
+        measurement: Measurement,
+        transformed: Channels[TransformedError],
+        dt: Scalar,
+    ) -> Channels[Scalar]:
+        """The integral of the surface without the shortfall of the previous tick."""
+        if state.asked is None:
+            return state.integral
+        shortfall = self.steering.shortfall(self.model, measurement, state.asked)
+        return map_fields(
+            lambda integral, t, nu: integral - dt * self.hedging * t.gain * nu,
+            state.integral,
+            transformed,
+            shortfall,
+        )
 
     @jax.named_scope("sliding_surface")
     def _channel(
@@ -182,7 +238,7 @@ class _ChannelLaw(eqx.Module):
 def reaching_law(s: Scalar, mu: Scalar, smoothing: Scalar) -> Scalar:
     """sig^{1+1/μ}(s) + s + sig^{1−1/μ}(s).
 
-    s' = −k times this settles within 2μ/k from anywhere.
+    s' = −k times this settles within 2π/(3√3) μ/k from anywhere.
 
     Args:
         s: sliding variable.

@@ -37,6 +37,7 @@ from jaxglider.control.controller import (
 from jaxglider.control.funnel import Funnel
 from jaxglider.control.fxtppc import FxTPPC, FxTPPCState
 from jaxglider.control.performance import Bound
+from jaxglider.control.steering import Inversion
 from jaxglider.core.containers import Scalar, as_float
 from jaxglider.core.numerics import saturate
 from jaxglider.core.rotations import wrap
@@ -70,7 +71,7 @@ class RollAwareFxTPPC(AbstractController):
             surface is spared.
 
     Raises:
-        ValueError: a gain is outside its set.
+        ValueError: a gain is outside its set, or the law does not steer by inversion.
     """
 
     law: FxTPPC
@@ -99,6 +100,12 @@ class RollAwareFxTPPC(AbstractController):
             kind = type(self.law).__name__
             raise ValueError(
                 f"RollAwareFxTPPC.law must be an FxTPPC; received a {kind}."
+            )
+        if not isinstance(self.law.steering, Inversion):
+            raise ValueError(
+                "RollAwareFxTPPC.law must steer by inversion; received "
+                f"{type(self.law.steering).__name__}. An FxTPPC that steers by bank "
+                "knows of the roll itself: take it alone."
             )
 
     @property

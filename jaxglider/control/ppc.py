@@ -12,10 +12,11 @@ from jaxglider.control.controller import (
     ControlRecord,
     allocate,
     default_damping,
-    tracking_error,
+    steered_error,
 )
 from jaxglider.control.funnel import Funnel
 from jaxglider.control.performance import Bound
+from jaxglider.control.steering import INVERSION, AbstractSteering
 from jaxglider.core.containers import Scalar
 from jaxglider.core.sets import POSITIVE
 from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
@@ -32,6 +33,7 @@ class PPC(AbstractController):
         l1_margin: excess of l₁ over d/dt (1/λ), unit of the channel per second.
         l2: switching gain [m/s² or rad/s²].
         damping: damping of the allocation, one number per actuator.
+        steering: way to steer; the paper's inversion by default.
 
     Raises:
         ValueError: a gain is not positive.
@@ -45,6 +47,7 @@ class PPC(AbstractController):
     damping: Command[Scalar] = eqx.field(
         default_factory=default_damping, metadata={"set": POSITIVE}
     )
+    steering: AbstractSteering = INVERSION
 
     def init(self) -> None:
         """No state: the law has no memory."""
@@ -59,7 +62,7 @@ class PPC(AbstractController):
         dt: Scalar,
     ) -> tuple[Command[Scalar], None, ControlRecord]:
         """One tick of the law."""
-        error, rate = tracking_error(measurement, reference)
+        error, rate = steered_error(self.steering, self.model, measurement, reference)
         transformed = self.funnel.transform(error, rate, bounds)
         surface = map_fields(lambda l0, t: t.rate + l0 * t.value, self.l0, transformed)
         demand = map_fields(
@@ -75,5 +78,5 @@ class PPC(AbstractController):
             self.l1_margin,
             self.l2,
         )
-        wanted = allocate(self.model, measurement, demand, self.damping)
+        wanted = allocate(self.model, measurement, demand, self.damping, self.steering)
         return wanted, state, ControlRecord(error, surface)

@@ -13,10 +13,11 @@ from jaxglider.control.controller import (
     ControlRecord,
     allocate,
     default_damping,
-    tracking_error,
+    steered_error,
 )
 from jaxglider.control.funnel import Funnel
 from jaxglider.control.performance import Bound
+from jaxglider.control.steering import INVERSION, AbstractSteering
 from jaxglider.core.containers import Scalar
 from jaxglider.core.sets import POSITIVE
 from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
@@ -33,6 +34,7 @@ class SMC(AbstractController):
         c2: switching gain [m/s² or rad/s²].
         damping: damping of the allocation, one number per actuator.
         funnel: funnel that errors are judged by, or None; the law does not use it.
+        steering: way to steer; the paper's inversion by default.
 
     Raises:
         ValueError: a gain is not positive.
@@ -46,6 +48,7 @@ class SMC(AbstractController):
         default_factory=default_damping, metadata={"set": POSITIVE}
     )
     funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})
+    steering: AbstractSteering = INVERSION
 
     def init(self) -> None:
         """No state: the law has no memory."""
@@ -60,7 +63,7 @@ class SMC(AbstractController):
         dt: Scalar,
     ) -> tuple[Command[Scalar], None, ControlRecord]:
         """One tick of the law."""
-        error, rate = tracking_error(measurement, reference)
+        error, rate = steered_error(self.steering, self.model, measurement, reference)
         surface = map_fields(lambda c0, e, e1: e1 + c0 * e, self.c0, error, rate)
         demand = map_fields(
             lambda acceleration, c0, e1, c1, p, c2: (
@@ -73,5 +76,5 @@ class SMC(AbstractController):
             surface,
             self.c2,
         )
-        wanted = allocate(self.model, measurement, demand, self.damping)
+        wanted = allocate(self.model, measurement, demand, self.damping, self.steering)
         return wanted, state, ControlRecord(error, surface)

@@ -7,10 +7,16 @@ from typing import Any
 import equinox as eqx
 
 from jaxglider.control import AbstractController
-from jaxglider.control.catalogue import BY_NAME, OBSERVERS, PERFORMANCE_FUNCTIONS
+from jaxglider.control.catalogue import (
+    BY_NAME,
+    OBSERVERS,
+    PERFORMANCE_FUNCTIONS,
+    STEERINGS,
+)
 from jaxglider.control.fxtppc import EXPONENTS
 from jaxglider.control.observer import AbstractObserver
 from jaxglider.control.performance import AbstractPerformanceFunction
+from jaxglider.control.steering import AbstractSteering
 from jaxglider.core.toml import (
     ConfigError,
     choice,
@@ -26,6 +32,7 @@ FAMILIES: dict[type, dict[str, type]] = {
     AbstractController: {name: entry.cls for name, entry in BY_NAME.items()},
     AbstractObserver: dict(OBSERVERS),
     AbstractPerformanceFunction: dict(PERFORMANCE_FUNCTIONS),
+    AbstractSteering: dict(STEERINGS),
 }
 """Names of the members of each family, as they stand under `type`."""
 

@@ -12,6 +12,7 @@ from jaxglider import paper
 from jaxglider.control import AbstractController, Funnel
 from jaxglider.control.catalogue import OBSERVERS
 from jaxglider.control.observer import AbstractObserver
+from jaxglider.control.steering import INVERSION
 from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode, encode
 from jaxglider.files.file_kinds import refuse_other_kind
@@ -172,7 +173,9 @@ def decode_gains(
     top = TomlTable(data, "")
     controller_table = TomlTable(top.get("controller"), "controller")
     kind, text = kind_of(controller_table)
-    law = first_gains(kind, scenario, model, funnel, text)
+    # Files from before there was a choice say nothing of steering, and mean inversion.
+    older = INVERSION if "steering" not in data["controller"] else None
+    law = first_gains(kind, scenario, model, funnel, text, older)
     controller = decode(law.controller, controller_table.rest(), "controller")
     observer = decode_observer(top.get("observer", {}), law.observer, model)
     guidance = top.get("guidance", None)

@@ -6,12 +6,14 @@ Every key carries its unit. What is left out takes the value of the paper's firs
 
 import dataclasses
 import functools
+import math
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from jaxglider import paper
 from jaxglider.control import Funnel
+from jaxglider.control.specification import Specification
 from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode
 from jaxglider.files.course_remarks import course_remarks
@@ -38,10 +40,12 @@ from jaxglider.files.mission_tables import (
 )
 from jaxglider.files.user_law import first_gains
 from jaxglider.guidance.routes import route_of
+from jaxglider.signals import CHANNELS, Channels
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.gains import LoadedGains
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.vehicle.design_model import DesignModel
+from jaxglider.vehicle.plant import AbstractPlant
 
 TEMPLATE = functools.partial(
     (resources.files("jaxglider.files") / "templates" / "mission.toml").read_text,
@@ -74,8 +78,8 @@ class Mission:
         model: design model that laws for this mission begin with.
         plant: name of the plant.
         remarks: oddities of a course that can be flown.
-        stand_ins: sentence on what is the paper's because its table is left out; empty
-            where nothing is.
+        stand_ins: sentences on what is the paper's or the vehicle's because its table
+            is left out; empty where nothing is.
     """
 
     name: str
@@ -139,15 +143,18 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     except ValueError as error:
         raise ConfigError(f"vehicle.design_factor: {error}") from error
     task = top.table("reference")
-    case = paper_case(task.text("type", "schedule") == "waypoints")
-    funnel = _funnel(top.get("funnel", None), case)
-    law = _law(top.get("controller", {}), model, case, funnel, folder)
+    yo_route = task.get("type", "") == "yo" and task.get("waypoints", None) is not None
+    case = paper_case(task.text("type", "schedule") == "waypoints" or yo_route)
+    prescribed = _specification(top, case, plant)
+    law = _law(top.get("controller", {}), model, case, prescribed.funnel, folder)
     start = top.table("initial_state")
     origin = read_origin(start)
     parts = (
         read_clock(top.table("clock")),
         plant,
-        read_actuators(top.table("actuators"), vehicle),
+        read_actuators(
+            top.table("actuators"), vehicle, paper.default_actuators(plant_name)
+        ),
         read_disturbance(top.tables("disturbance")),
         read_reference(
             task, law.guidance or paper.guidance(), origin, vehicle.fin is None
@@ -161,7 +168,7 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     try:
         scenario = Scenario(
             *parts,
-            funnel=funnel,
+            specification=prescribed,
             origin=origin,
             water=water,
             seabed=seabed,
@@ -185,10 +192,15 @@ def _stand_ins(data: dict[str, Any]) -> str:
     reference = data.get("reference", {"schedule": None})
     if "schedule" not in reference and reference.get("type") != "yo":
         missing.append("reference.schedule")
+    plant = data.get("vehicle", {}).get("plant", "printed")
+    rates = ""
+    if "actuators" not in data and paper.default_actuators(plant) == "vehicle":
+        rates = "the actuators move as fast as the vehicle's file says."
     if not missing:
-        return ""
+        return rates
     words = "; ".join(f"{name}: {_OF_THE_PAPER[name]}" for name in missing)
-    return f"tables that the mission leaves out are the paper's ({words})."
+    said = f"tables that the mission leaves out are the paper's ({words})."
+    return f"{said} {rates}".strip()
 
 
 def paper_case(has_waypoints: bool) -> str:
@@ -220,12 +232,33 @@ def self_contained(path: str | Path) -> dict[str, Any]:
     return with_law_inside(data)
 
 
-def _funnel(table: Any, case: str) -> Any:
-    return None if table is None else decode(paper.funnel(case), table, "funnel")
+def _specification(top: TomlTable, case: str, plant: AbstractPlant) -> Specification:
+    """P_spec of the table `funnel` and the rest of the table `specification`.
+
+    What both leave out is that of the paper's case.
+    """
+    first = paper.specification(case, plant)
+    funnel = decode(first.funnel, top.get("funnel", {}), "funnel")
+    table = top.table("specification")
+    times, limit = table.get("settling_time_s", None), first.largest_roll
+    if times is not None:
+        times = Channels(*table.numbers("settling_time_s", length=len(CHANNELS)))
+    if table.get("largest_roll_deg", None) == "none":
+        limit = None
+    elif table.get("largest_roll_deg", None) is not None:
+        limit = math.radians(table.number("largest_roll_deg"))
+    share = None
+    if table.get("saturated_share", None) is not None:
+        share = table.number("saturated_share")
+    table.close()
+    try:
+        return Specification(funnel, times, limit, share)
+    except ValueError as error:
+        raise ConfigError(f"specification: {error}") from error
 
 
 def _law(
-    data: Any, model: DesignModel, case: str, funnel: Funnel | None, folder: Path
+    data: Any, model: DesignModel, case: str, funnel: Funnel, folder: Path
 ) -> LoadedGains:
     """Gains of the table over those of its gains file, or over the law's first."""
     complete = with_law_found(data, folder) if isinstance(data, dict) else data

@@ -45,7 +45,11 @@ from jaxglider.guidance import (
 from jaxglider.signals import COMMAND_UNITS, BodyAxes, Command, GliderState
 from jaxglider.simulation.origin import Origin
 from jaxglider.simulation.scenario import Clock
-from jaxglider.vehicle.actuators import Actuator
+from jaxglider.vehicle.actuators import (
+    ACTUATOR_KINDS,
+    Actuator,
+    make_actuators,
+)
 from jaxglider.vehicle.parameters import GliderParameters, VehicleData
 from jaxglider.vehicle.published import load_vehicle, vehicle_names, vehicle_of
 
@@ -113,22 +117,33 @@ def read_clock(table: TomlTable) -> Clock:
     return _built(Clock.lasting, "clock", duration, dt, substeps)
 
 
-def read_actuators(table: TomlTable, vehicle: VehicleData) -> Command[Actuator]:
-    """The three actuators; the limits and the pump of the vehicle by default."""
+def read_actuators(
+    table: TomlTable, vehicle: VehicleData, default: str
+) -> Command[Actuator]:
+    """The three actuators; limits, and rates of `vehicle` ones, are the vehicle's.
+
+    Args:
+        table: table to read.
+        vehicle: vehicle that has them.
+        default: kind where the table does not say, `vehicle` or `ideal`.
+    """
+    kinds = {kind: kind for kind in ACTUATOR_KINDS}
+    kind = choice(table.text("type", default), kinds, table.where("type"))
+    own = make_actuators(vehicle, kind)
     actuators = {}
-    limits = vehicle.limits
     for name, unit in COMMAND_UNITS.items():
         one = table.table(name)
         rate = one.get(f"rate_limit_{unit}_s", None)
         lag = one.get("time_constant_s", None)
+        usual = getattr(own, name)
         actuators[name] = _built(
             Actuator,
             one.where("")[:-1],
-            one.number(f"limit_{unit}", float(getattr(limits, name))),
-            None if rate is None else one.number(f"rate_limit_{unit}_s"),
+            one.number(f"limit_{unit}", float(usual.limit)),
+            usual.rate_limit if rate is None else one.number(f"rate_limit_{unit}_s"),
             None if lag is None else one.number("time_constant_s"),
         )
-        if name == "buoyancy_mass" and rate is None and lag is None:
+        if kind == "vehicle" and name == "buoyancy_mass" and rate is lag is None:
             limit = float(actuators[name].limit)
             actuators[name] = read_pump(one, limit, vehicle.pump) or actuators[name]
         one.close()

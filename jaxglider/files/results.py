@@ -206,8 +206,10 @@ def _variables() -> Iterator[tuple[str, str, str, str]]:
         yield f"{name}_reference", units, f"{name}: reference", f"reference.{name}"
         yield f"{name}_error", units, f"{name}: tracking error", f"error.{name}"
         for edge in ("lower", "upper"):
-            text = f"{name}: {edge} edge of the funnel"
+            text = f"{name}: {edge} edge of the specified funnel"
             yield f"{name}_{edge}_bound", units, text, f"limits.{name}.{edge}"
+            text = f"{name}: {edge} edge of the law's own funnel"
+            yield f"{name}_{edge}_law_bound", units, text, f"law_limits.{name}.{edge}"
     for name, units in COMMAND_UNITS.items():
         for kind in ("wanted", "applied"):
             text = f"{name.replace('_', ' ')}, {kind}"

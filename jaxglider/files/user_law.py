@@ -23,6 +23,7 @@ from jaxglider import paper
 from jaxglider.control.catalogue import BY_NAME, LawEntry
 from jaxglider.control.controller import AbstractController, ControlRecord
 from jaxglider.control.funnel import Funnel
+from jaxglider.control.steering import AbstractSteering
 from jaxglider.core.toml import ConfigError, reason
 from jaxglider.files.law_paths import is_own, short_name
 from jaxglider.signals import (
@@ -69,6 +70,7 @@ def first_gains(
     model: DesignModel,
     funnel: Funnel | None = None,
     text: str | None = None,
+    steering: AbstractSteering | None = None,
 ) -> LoadedGains:
     """A law with the gains it begins with, and its observer with the paper's.
 
@@ -78,12 +80,13 @@ def first_gains(
         model: design model.
         funnel: funnel for a law of one's own; the paper's by default.
         text: text of the Python file where it is kept elsewhere.
+        steering: way that a law of the catalogue steers; its plant's by default.
 
     Raises:
         ConfigError: there is no such law, or it cannot be made or used.
     """
     if kind in BY_NAME:
-        return paper.make_law(kind, scenario, model)
+        return paper.make_law(kind, scenario, model, steering)
     entry = _entry(kind, "controller.type", text)
     if funnel is None:
         funnel = paper.funnel(scenario)

@@ -3,12 +3,14 @@
 from jaxglider.paper.cases import DESIGN_FACTOR as DESIGN_FACTOR
 from jaxglider.paper.cases import DURATION as DURATION
 from jaxglider.paper.cases import attitude_schedule as attitude_schedule
+from jaxglider.paper.cases import default_actuators as default_actuators
 from jaxglider.paper.cases import design_model as design_model
 from jaxglider.paper.cases import disturbance as disturbance
 from jaxglider.paper.cases import guidance as guidance
 from jaxglider.paper.cases import make_loop as make_loop
 from jaxglider.paper.cases import make_scenario as make_scenario
 from jaxglider.paper.cases import reference as reference
+from jaxglider.paper.cases import specification as specification
 from jaxglider.paper.cases import vertical_schedule as vertical_schedule
 from jaxglider.paper.laws import CONTROLLERS as CONTROLLERS
 from jaxglider.paper.laws import ROLL_AWARE as ROLL_AWARE

@@ -9,6 +9,7 @@ k₁ < ¾ k₂² (0.001 against 7.5e-5); they are kept as printed.
 import math
 from typing import Any
 
+from jaxglider.control.specification import BANK_LIMIT, Specification
 from jaxglider.core.containers import choose
 from jaxglider.environment.disturbances import Sinusoid, axes
 from jaxglider.guidance import (
@@ -18,11 +19,11 @@ from jaxglider.guidance import (
     Schedule,
     WaypointPath,
 )
-from jaxglider.paper.laws import SCENARIOS, make_law
-from jaxglider.signals import GliderState, map_fields
+from jaxglider.paper.laws import SCENARIOS, funnel, make_law
+from jaxglider.signals import GliderState
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Clock, Scenario
-from jaxglider.vehicle.actuators import Actuator
+from jaxglider.vehicle.actuators import make_actuators
 from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.plant import AbstractPlant
 from jaxglider.vehicle.plants import PLANTS
@@ -84,6 +85,20 @@ def disturbance() -> Sinusoid:
     )
 
 
+def specification(scenario: str, plant: AbstractPlant) -> Specification:
+    """The specification of a case: the paper's performance functions, and a bank limit.
+
+    The paper has no limit on the roll; 45 degrees are ours, for every plant but the
+    printed one, whose roll is not that of a glider.
+
+    Args:
+        scenario: `switching` or `waypoints`.
+        plant: glider that is flown.
+    """
+    limit = BANK_LIMIT if plant.consistent else None
+    return Specification(funnel(scenario), largest_roll=limit)
+
+
 def make_scenario(
     scenario: str = "switching",
     plant: str = "printed",
@@ -92,6 +107,7 @@ def make_scenario(
     dt: float = 0.05,
     substeps: int = 1,
     duration: float | None = None,
+    actuators: str | None = None,
 ) -> Scenario:
     """One of the paper's cases on one of the plants.
 
@@ -102,6 +118,8 @@ def make_scenario(
         dt: control tick [s].
         substeps: integration steps per tick.
         duration: horizon [s]; the case's own by default.
+        actuators: `vehicle` for the rates of the vehicle's file, `ideal` for none, as
+            in the paper; by default `ideal` on `printed` and `vehicle` elsewhere.
 
     Raises:
         ValueError: an unknown name.
@@ -109,17 +127,28 @@ def make_scenario(
     choose("scenario", scenario, SCENARIOS)
     choose("plant", plant, tuple(PLANTS))
     data = load_vehicle(vehicle)
+    glider = PLANTS[plant](data)
     start = GliderState.at_rest(east=3.0 if scenario == "waypoints" else 0.0)
     return Scenario(
         clock=Clock.lasting(
             DURATION[scenario] if duration is None else duration, dt, substeps
         ),
-        plant=PLANTS[plant](data),
-        actuators=map_fields(Actuator, data.limits),
+        plant=glider,
+        actuators=make_actuators(data, actuators or default_actuators(plant)),
         disturbance=disturbance(),
         reference=reference(scenario),
         initial_state=start,
+        specification=specification(scenario, glider),
     )
+
+
+def default_actuators(plant: str) -> str:
+    """The kind of actuators that a plant has where nothing is said.
+
+    Args:
+        plant: name of the plant; the printed one is the paper's, whose actuators jump.
+    """
+    return "ideal" if plant == "printed" else "vehicle"
 
 
 def design_model(plant: AbstractPlant, factor: float = DESIGN_FACTOR) -> DesignModel:

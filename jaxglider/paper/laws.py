@@ -22,12 +22,13 @@ from jaxglider.control.performance import (
     SechFunction,
 )
 from jaxglider.control.slocum import Slocum
+from jaxglider.control.steering import INVERSION, AbstractSteering, BankSteering
 from jaxglider.control.transform import ErrorTransformation
 from jaxglider.core.containers import choose
 from jaxglider.signals import BodyAxes, Channels
 from jaxglider.simulation.gains import LoadedGains
 from jaxglider.vehicle.design_model import DesignModel
-from jaxglider.vehicle.moving_mass import FinActuation
+from jaxglider.vehicle.moving_mass import FinActuation, PrintedActuation
 
 SCENARIOS = ("switching", "waypoints")
 """The paper's two cases: switching attitudes, and a course of waypoints."""
@@ -69,52 +70,81 @@ def funnel(
     return Funnel(Channels(**performance), _on_each(ErrorTransformation()))
 
 
-def _smc(scenario: str, model: DesignModel) -> SMC:
+def default_steering(model: DesignModel) -> AbstractSteering:
+    """The way to steer where nothing is said.
+
+    The paper's for the paper's glider, which rolls away from its mass, and for one with
+    a fin; by bank for one whose mass obeys mechanics, which the paper's loses in a
+    climb.
+
+    Args:
+        model: design model.
+    """
+    if isinstance(model.actuation, PrintedActuation | FinActuation):
+        return INVERSION
+    return BankSteering()
+
+
+def _smc(scenario: str, model: DesignModel, steering: AbstractSteering) -> SMC:
     """Its funnel only serves to judge it by the same bounds."""
+    by_bank = isinstance(steering, BankSteering)
     return SMC(
         model,
-        c0=Channels(0.1, 0.1, 0.1),
-        c1=Channels(1.0, 1.0, 1.0),
-        c2=Channels(5.0, 5.0, 5.0),
+        c0=Channels(0.1, 0.1, 0.02 if by_bank else 0.1),
+        c1=Channels(1.0, 1.0, 0.05 if by_bank else 1.0),
+        c2=Channels(5.0, 5.0, 0.001 if by_bank else 5.0),
         funnel=funnel(scenario),
+        steering=steering,
     )
 
 
-def _ppc(scenario: str, model: DesignModel) -> PPC:
+def _ppc(scenario: str, model: DesignModel, steering: AbstractSteering) -> PPC:
+    by_bank = isinstance(steering, BankSteering)
     return PPC(
         model,
         funnel(scenario, HalfSechFunction),
-        l0=Channels(0.1, 0.1, 0.1),
-        l1_margin=Channels(0.1, 0.1, 0.1),
-        l2=Channels(1.0, 1.0, 3.0),
+        l0=Channels(0.1, 0.1, 0.03 if by_bank else 0.1),
+        l1_margin=Channels(0.1, 0.1, 0.05 if by_bank else 0.1),
+        l2=Channels(1.0, 1.0, 0.001 if by_bank else 3.0),
+        steering=steering,
     )
 
 
-def _fxtppc(scenario: str, model: DesignModel) -> FxTPPC:
+def _fxtppc(scenario: str, model: DesignModel, steering: AbstractSteering) -> FxTPPC:
+    by_bank = isinstance(steering, BankSteering)
+    heading = ChannelGains(0.001, 0.08)
     return FxTPPC(
         model,
         funnel(scenario),
         Channels(
             ChannelGains(0.001, 0.01),
             ChannelGains(0.01, 0.2),
-            ChannelGains(0.001, 0.08),
+            # A mu of 8 keeps the surface from chattering about zero.
+            ChannelGains(0.0005, 0.045, mu=8.0) if by_bank else heading,
         ),
         exponents=paper_exponents,
+        steering=steering,
+        hedging=0.8 if by_bank else None,
     )
 
 
-def _fxtppc_roll(scenario: str, model: DesignModel) -> RollAwareFxTPPC:
-    return RollAwareFxTPPC(_fxtppc(scenario, model))
+def _fxtppc_roll(
+    scenario: str, model: DesignModel, steering: AbstractSteering
+) -> RollAwareFxTPPC:
+    """Around the paper's inversion alone: steering by bank knows of the roll itself."""
+    return RollAwareFxTPPC(_fxtppc(scenario, model, INVERSION))
 
 
-def _slocum(scenario: str, model: DesignModel) -> Slocum:
-    """Not the paper's; its funnel only serves to judge it by the same bounds."""
+def _slocum(scenario: str, model: DesignModel, steering: AbstractSteering) -> Slocum:
+    """Not the paper's; it has a way to steer of its own."""
     turns_mass = not isinstance(model.actuation, FinActuation)
     sign = -1.0 if turns_mass else 1.0
     return Slocum(model, funnel=funnel(scenario), climb_sign=sign)
 
 
-_WITH_PAPER_GAINS: dict[str, Callable[[str, DesignModel], AbstractController]] = {
+_MAKERS: dict[
+    str, Callable[[str, DesignModel, AbstractSteering], AbstractController]
+] = {
     "smc": _smc,
     "ppc": _ppc,
     "fxtppc": _fxtppc,
@@ -123,21 +153,30 @@ _WITH_PAPER_GAINS: dict[str, Callable[[str, DesignModel], AbstractController]] =
 }
 
 
-def make_controller(name: str, scenario: str, model: DesignModel) -> AbstractController:
-    """A law with the paper's gains.
+def make_controller(
+    name: str,
+    scenario: str,
+    model: DesignModel,
+    steering: AbstractSteering | None = None,
+) -> AbstractController:
+    """A law with the gains it begins with: the paper's where it inverts.
+
+    A law that steers by bank has the paper's gains too but for the heading, where those
+    for an inversion mean nothing.
 
     Args:
         name: name of the law in the catalogue; `fxtppc-roll` has those of `fxtppc`, and
             defaults of its own for the roll.
         scenario: `switching` or `waypoints`.
         model: design model.
+        steering: way to steer; `default_steering` by default.
 
     Raises:
         ValueError: an unknown name.
     """
-    choose("controller", name, tuple(_WITH_PAPER_GAINS))
+    choose("controller", name, tuple(_MAKERS))
     choose("scenario", scenario, SCENARIOS)
-    return _WITH_PAPER_GAINS[name](scenario, model)
+    return _MAKERS[name](scenario, model, steering or default_steering(model))
 
 
 def fixed_time_observer(model: DesignModel) -> FixedTimeObserver:
@@ -170,18 +209,24 @@ def make_observer(name: str, model: DesignModel) -> AbstractObserver:
     return _OBSERVERS[name](model)
 
 
-def make_law(name: str, scenario: str, model: DesignModel) -> LoadedGains:
-    """A law with the paper's gains, and the observer the paper gives it.
+def make_law(
+    name: str,
+    scenario: str,
+    model: DesignModel,
+    steering: AbstractSteering | None = None,
+) -> LoadedGains:
+    """A law with the gains it begins with, and the observer the paper gives it.
 
     Args:
         name: name of the law in the catalogue.
         scenario: `switching` or `waypoints`.
         model: design model.
+        steering: way to steer; `default_steering` by default.
 
     Raises:
         ValueError: an unknown name.
     """
-    controller = make_controller(name, scenario, model)
+    controller = make_controller(name, scenario, model, steering)
     observer = make_observer(BY_NAME[name].observer, model)
     return LoadedGains(name, controller, observer)
 

@@ -99,19 +99,22 @@ def tracking(
 def errors(
     axes: Any, runs: Mapping[str, Trajectory], funnel_of: str | None = None
 ) -> Any:
-    """Errors of depth, pitch and heading inside their funnels.
+    """Errors of depth, pitch and heading inside what is specified.
+
+    A law's own funnel is drawn dash-dotted in its run's colour where it is another.
 
     Args:
         axes: three axes, for depth, pitch and heading.
         runs: label to trajectory.
-        funnel_of: label of the run whose funnel is shaded, the last by default. Where
-            another run has other bounds they are dotted in its colour.
+        funnel_of: label of the run whose specified funnel is shaded, the last by
+            default. Where another run is judged by others they are dotted in its
+            colour.
     """
     panels = flat(axes, 3, "errors")
     ticks = {label: active_ticks(run) for label, run in runs.items()}
     look = styles(runs)
     chosen = choose_run(funnel_of, runs)
-    shaded = dotted = False
+    shaded = dotted = own = False
     for axis, (channel, title) in zip(panels, _ERRORS.items(), strict=True):
         edges = {label: _funnel(tick, channel) for label, tick in ticks.items()}
         if _exists(edges[chosen]):
@@ -120,7 +123,11 @@ def errors(
         for label, funnel in edges.items():
             if _exists(funnel) and not _agree(funnel, edges[chosen]):
                 dotted = True
-                _dot(axis, *funnel, look[label].colour)
+                _edges(axis, *funnel, look[label].colour, ":")
+            of_law = _funnel(ticks[label], channel, "law_limits")
+            if _exists(of_law) and not _agree(of_law, funnel):
+                own = True
+                _edges(axis, *of_law, look[label].colour, "-.")
         lines = {
             label: (drawable(tick.time), UNITS[channel](getattr(tick.error, channel)))
             for label, tick in ticks.items()
@@ -132,11 +139,15 @@ def errors(
     label_time(panels, end_time(runs.values()))
     handles: list[Artist] = []
     if shaded:
-        handles.append(Patch(color=SHADE, label=f"funnel ({chosen})"))
+        name = f"specified ({chosen})" if dotted else "specified"
+        handles.append(Patch(color=SHADE, label=name))
     if dotted:
         handles.append(
-            Line2D([], [], color=FAINT, ls=":", lw=0.9, label="other funnels")
+            Line2D([], [], color=FAINT, ls=":", lw=0.9, label="otherwise specified")
         )
+    if own:
+        name = "law's own funnel"
+        handles.append(Line2D([], [], color=FAINT, ls="-.", lw=0.9, label=name))
     legend_above(panels[0], [*run_handles(look), *handles])
     return axes
 
@@ -191,10 +202,10 @@ def _look_at_funnels(
 
 
 def _funnel(
-    tick: TickRecord, channel: str
+    tick: TickRecord, channel: str, which: str = "limits"
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time [s] and both edges of a funnel, NaN where there is none."""
-    limits = getattr(tick.limits, channel)
+    limits = getattr(getattr(tick, which), channel)
     unit = UNITS[channel]
     return drawable(tick.time), unit(limits.lower), unit(limits.upper)
 
@@ -224,8 +235,13 @@ def _dash(axis: Axes, time: np.ndarray, values: np.ndarray, colour: str) -> None
     curve(axis, time, values, color=colour, ls="--", lw=0.6, alpha=0.8, zorder=1.9)
 
 
-def _dot(
-    axis: Axes, time: np.ndarray, lower: np.ndarray, upper: np.ndarray, colour: str
+def _edges(
+    axis: Axes,
+    time: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    colour: str,
+    style: str,
 ) -> None:
     for edge in (lower, upper):
-        curve(axis, time, edge, color=colour, ls=":", lw=0.8, zorder=1.9)
+        curve(axis, time, edge, color=colour, ls=style, lw=0.8, zorder=1.9)

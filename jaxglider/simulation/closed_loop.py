@@ -118,8 +118,8 @@ class ClosedLoop(eqx.Module):
         bounds = judging = None
         if scenario.reference.scheduled:
             bounds = jax.vmap(self.controller.bounds)(planned.clock)
-            if scenario.funnel is not None:
-                judging = jax.vmap(scenario.funnel.bounds)(planned.clock)
+            if scenario.specification is not None:
+                judging = jax.vmap(scenario.specification.bounds)(planned.clock)
         return TickPlan(
             time=times,
             force_end=force_end,
@@ -183,6 +183,7 @@ class ClosedLoop(eqx.Module):
             reference=reference.position,
             error=judgement.error,
             limits=judgement.limits,
+            law_limits=self.controller.limits(decision.bounds),
             surface=decision.record.surface,
             wanted=wanted,
             applied=applied,
@@ -251,17 +252,17 @@ class ClosedLoop(eqx.Module):
     def _judge(
         self, inputs: TickInput, truth: Measurement, decision: Decision
     ) -> Judgement:
-        """The true error, and the funnel that it is judged by."""
+        """The true error, and the specification that it is judged by."""
         reference, error = decision.reference, decision.record.error
         if inputs.noise_start is not None:
             error, _ = tracking_error(truth, reference)
-        funnel, bounds = self.scenario.funnel, decision.bounds
-        if funnel is None:
+        specification, bounds = self.scenario.specification, decision.bounds
+        if specification is None:
             return Judgement(error, bounds, self.controller.limits(bounds))
         judging = inputs.plan.judging
         if judging is None:
-            judging = funnel.bounds(reference.clock)
-        return Judgement(error, judging, funnel.limits(judging))
+            judging = specification.bounds(reference.clock)
+        return Judgement(error, judging, specification.limits(judging))
 
     def _move(
         self, carry: Carry, inputs: TickInput, wanted: Command[Scalar]

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglider.control.funnel import Funnel
+from jaxglider.control.specification import Specification
 from jaxglider.core.containers import (
     Container,
     Scalar,
@@ -115,8 +115,8 @@ class Scenario(Container):
         reference: the task.
         initial_state: state of the glider at time zero.
         sensors: errors of the measurement by the name of the state, or None for none.
-        funnel: funnel that errors are judged by, whoever steers; None for the
-            controller's own. Give one to compare controllers: each could widen its own.
+        specification: bounds prescribed, whoever steers; None to judge errors by the
+            law's own funnel, which a law could widen, and nothing else.
         water: currents and density, or None for water at rest, the same at every depth.
         seabed: bottom of the sea, or None for a sea without one.
         energy: consumption of the glider, or None where nobody counts it.
@@ -134,7 +134,7 @@ class Scenario(Container):
     reference: AbstractReference
     initial_state: GliderState
     sensors: Mapping[str, Sensor] | None = None
-    funnel: Funnel | None = None
+    specification: Specification | None = None
     water: Water | None = None
     seabed: Seabed | None = None
     energy: EnergyModel | None = None

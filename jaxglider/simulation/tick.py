@@ -60,8 +60,8 @@ class TickPlan(eqx.Module):
         planned: plan of the reference.
         bounds: performance functions of the controller, or None where the clock of the
             funnel is not known beforehand.
-        judging: performance functions of the scenario's funnel; None where it has no
-            funnel or the clock is not known beforehand.
+        judging: P_spec of the scenario's specification; None where it has none or the
+            clock is not known beforehand.
         noise_end: errors of the sensors at its end [unit of the state], or None.
     """
 
@@ -96,7 +96,8 @@ class TickRecord(eqx.Module):
         state: true state at the start of the tick.
         reference: η_d [m, rad].
         error: η − η_d [m, rad], heading wrapped to [−π, π).
-        limits: edges of the funnel [m, rad].
+        limits: edges of the specified funnel, which errors are judged by [m, rad].
+        law_limits: edges of the law's own funnel [m, rad].
         surface: sliding variable of the controller.
         wanted: command of the controller [kg, m, rad].
         applied: command held by the actuators during the tick [kg, m, rad].
@@ -118,6 +119,7 @@ class TickRecord(eqx.Module):
     reference: Channels[Scalar]
     error: Channels[Scalar]
     limits: Channels[Limits]
+    law_limits: Channels[Limits]
     surface: Channels[Scalar]
     wanted: Command[Scalar]
     applied: Command[Scalar]

@@ -4,9 +4,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglider.core.containers import Container, Scalar, as_float, check_interval
+from jaxglider.core.containers import (
+    Container,
+    Scalar,
+    as_float,
+    check_interval,
+    choose,
+)
 from jaxglider.core.numerics import saturate
 from jaxglider.signals import Command, map_fields
+from jaxglider.vehicle.parameters import VehicleData
 
 NEVER = 1e9
 """A time that no run reaches [s]."""
@@ -127,3 +134,23 @@ def follow_all(
     return map_fields(
         lambda h, w, a: a.follow(h, w, dt, time, depth), held, wanted, actuators
     )
+
+
+ACTUATOR_KINDS = ("vehicle", "ideal")
+"""Names of what actuators can be: the vehicle's, with rates, or without."""
+
+
+def make_actuators(vehicle: VehicleData, kind: str) -> Command[Actuator]:
+    """The actuators of a vehicle.
+
+    Args:
+        vehicle: vehicle with their limits, and their rates if its file gives them.
+        kind: `vehicle`, or `ideal` for actuators that jump to their command.
+
+    Raises:
+        ValueError: an unknown kind.
+    """
+    choose("actuators", kind, ACTUATOR_KINDS)
+    if kind == "ideal" or vehicle.rates is None:
+        return map_fields(Actuator, vehicle.limits)
+    return map_fields(Actuator, vehicle.limits, vehicle.rates)

@@ -109,6 +109,48 @@ class InputGain(eqx.Module):
             buoyancy_mass, (c * p - b * q) / determinant, (a * q - b * p) / determinant
         )
 
+    def position_at(
+        self,
+        buoyancy_mass: Scalar,
+        demand: Channels[Scalar],
+        damping: Command[Scalar],
+        angle: Scalar,
+    ) -> Command[Scalar]:
+        """Position of the moving mass where ballast and angle are given.
+
+        Args:
+            buoyancy_mass: m_b that somebody else has chosen [kg].
+            demand: wanted g U [m/s², rad/s²]; that of the pitch is looked at.
+            damping: damping of r_p1.
+            angle: γ [rad].
+        """
+        g10, g11, g12 = self.pitch_buoyancy, self.pitch_position, self.pitch_angle
+        left = demand.pitch - g10 * buoyancy_mass - g12 * angle
+        position = g11 * left / (g11 * g11 + damping.mass_position)
+        return Command(buoyancy_mass, position, angle)
+
+    def solve_with_angle(
+        self, demand: Channels[Scalar], damping: Command[Scalar], angle: Scalar
+    ) -> Command[Scalar]:
+        """The same for depth and pitch alone, with γ given.
+
+        Args:
+            demand: wanted g U [m/s², rad/s²]; that of the heading is not looked at.
+            damping: damping of m_b and r_p1.
+            angle: γ [rad].
+        """
+        g00, g10, g11 = self.depth_buoyancy, self.pitch_buoyancy, self.pitch_position
+        r0, r1 = demand.depth, demand.pitch - self.pitch_angle * angle
+        a00 = g00 * g00 + g10 * g10 + damping.buoyancy_mass
+        a01, a11 = g10 * g11, g11 * g11 + damping.mass_position
+        b0, b1 = g00 * r0 + g10 * r1, g11 * r1
+        determinant = a00 * a11 - a01 * a01
+        return Command(
+            (a11 * b0 - a01 * b1) / determinant,
+            (a00 * b1 - a01 * b0) / determinant,
+            angle,
+        )
+
 
 class DesignModel(eqx.Module):
     """The control-affine model inside a controller or an observer.

@@ -130,6 +130,10 @@ class AbstractActuation(eqx.Module):
         """E(η): the moment [N m] of everything at rest."""
         return restoring(parameters, a)
 
+    def hull_below_axis(self, parameters: GliderParameters) -> Scalar:
+        """m_h z_h [kg m], mass of the hull times depth of its centre of mass."""
+        return 0.0 * parameters.mass_offset
+
     @abstractmethod
     def wrench(
         self, parameters: GliderParameters, a: Attitude, command: Command[Scalar]
@@ -210,6 +214,10 @@ class BallastedActuation(AbstractActuation):
     ) -> Effectiveness:
         """B(η, γ) of the moving mass; the hull does not move."""
         return _effectiveness(parameters, a, gamma, row4_sign=1.0)
+
+    def hull_below_axis(self, parameters: GliderParameters) -> Scalar:
+        """m_h z_h [kg m]."""
+        return self.hull_moment
 
     def restoring(self, parameters: GliderParameters, a: Attitude) -> BodyAxes[Scalar]:
         """E(η) with the hull's share."""

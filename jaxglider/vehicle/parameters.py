@@ -13,7 +13,6 @@ import jax.numpy as jnp
 from jaxglider.core.containers import Container, Scalar, as_float, check_interval
 from jaxglider.core.numerics import square_root
 from jaxglider.signals import BodyAxes, Command
-from jaxglider.vehicle.energy import EnergyModel
 
 _POSITIVE = (
     "moving_mass",
@@ -229,9 +228,11 @@ class VehicleData:
         fin: forces of its fin, or None for one that turns its moving mass to steer.
         pump: rates and dead band of its buoyancy engine by the fields of `Pump`, empty
             where the file does not say.
-        energy: consumption, as the table [energy] of its file, or None.
+        energy: `EnergyModel` of the table [energy] of its file, or None.
         body: places of the masses, which the full equations need besides, or None if
             the file does not say.
+        rates: largest rates of its actuators [kg/s, m/s, rad/s], or None if the file
+            does not say.
         doubts: doubts about the numbers, by their keys.
     """
 
@@ -239,7 +240,8 @@ class VehicleData:
     parameters: GliderParameters
     limits: Command[Scalar]
     body: BodyParameters | None = None
+    rates: Command[Scalar] | None = None
     fin: Fin | None = None
     pump: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    energy: EnergyModel | None = None
+    energy: Any = None
     doubts: Mapping[str, str] = dataclasses.field(default_factory=dict)

@@ -59,6 +59,15 @@ class AbstractPlant(eqx.Module):
     def model(self) -> DesignModel:
         """Design model of a designer who knows this glider exactly."""
 
+    @property
+    def consistent(self) -> bool:
+        """Whether the moving mass rolls the glider as one mass must.
+
+        The printed plant alone is not: its roll moment has the other sign. How far it
+        rolls says nothing of a real glider.
+        """
+        return True
+
 
 @jax.named_scope("kinematics")
 def kinematics(
@@ -117,6 +126,11 @@ class SmallAnglePlant(AbstractPlant):
     def water(self, velocity: BodyAxes[Scalar]) -> BodyAxes[Scalar]:
         """D(ν)ν."""
         return hydrodynamics(self.parameters, velocity)
+
+    @property
+    def consistent(self) -> bool:
+        """All but the printed moments."""
+        return not isinstance(self.actuation, PrintedActuation)
 
     def model(self) -> DesignModel:
         """The same equations in control-affine form."""

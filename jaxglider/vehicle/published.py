@@ -18,7 +18,10 @@ from jaxglider.vehicle.parameters import (
     VehicleData,
 )
 
-_TABLES = ("name", "steering", "parameters", "limits", "body", "fin", "pump", "energy")
+_TABLES = (
+    *("name", "steering", "parameters", "limits", "rates", "body"),
+    *("fin", "pump", "energy"),
+)
 
 
 def vehicle_names() -> list[str]:
@@ -55,9 +58,15 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
     Raises:
         ValueError: unknown or missing parameter, or a bad value.
     """
-    tables = {"parameters": GliderParameters, "limits": Command, "body": BodyParameters}
-    if "body" not in data:
-        del tables["body"]
+    tables = {
+        "parameters": GliderParameters,
+        "limits": Command,
+        "rates": Command,
+        "body": BodyParameters,
+    }
+    for optional in ("rates", "body"):
+        if optional not in data:
+            del tables[optional]
     try:
         refuse_unknown([k for k in data if k not in _TABLES], list(_TABLES), "")
     except ValueError as error:
@@ -78,6 +87,7 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
             parameters=GliderParameters(**values["parameters"]),
             limits=Command(**values["limits"]),
             body=BodyParameters(**values["body"]) if "body" in values else None,
+            rates=Command(**values["rates"]) if "rates" in values else None,
             doubts=_doubts(data, (*tables, *extra)),
             fin=Fin(**extra["fin"]) if steering == "fin" else None,
             pump=extra.get("pump", {}),
@@ -250,7 +260,7 @@ def _units() -> dict[str, str]:
     }
     return own | {
         f"{table}.{key}": entry["unit"]
-        for table in ("parameters", "limits", "body")
+        for table in ("parameters", "limits", "rates", "body")
         for key, entry in data[table].items()
     }
 

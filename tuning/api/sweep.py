@@ -171,7 +171,7 @@ def _campaign(
             scenario=dataclasses.replace(
                 uncertainty.scenario,
                 reference=loop.scenario.reference,
-                funnel=case.scenario.funnel,
+                specification=case.scenario.specification,
             ),
         )
         for name, loop in named.items()

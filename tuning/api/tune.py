@@ -28,7 +28,7 @@ from tuning.search.black_box import search_black_box
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descend import beside, descend
 from tuning.search.settings import BlackBoxSettings, DescentSettings
-from tuning.space.coordinates import K1_BELOW_K2
+from tuning.space.space import HELD_BY_DEFAULT
 
 
 def tune(
@@ -43,7 +43,7 @@ def tune(
     objective: Weights | str | Path = DEFAULT_WEIGHTS,
     cost: Cost | None = None,
     aggregate: AbstractAggregate | str | None = None,
-    constraints: Sequence[str] = (K1_BELOW_K2,),
+    constraints: Sequence[str] = HELD_BY_DEFAULT,
     gradient_memory: float | None = 60.0,
     steps: int | None = None,
     settings: DescentSettings | None = None,
@@ -76,7 +76,8 @@ def tune(
             weighted terms.
         aggregate: mean, CVaR or soft worst of the members' costs, or `mean`, `cvar` or
             `worst`; that of an objective file, else the mean, by default.
-        constraints: names of the coupled constraints that are held.
+        constraints: names of the coupled constraints that are held; by default the
+            funnel is kept inside the specification.
         gradient_memory: memory of the gradient [s]; None for the exact one.
         steps: number of steps, a short way to set `settings`.
         settings: settings of the descent; its seed is replaced by `seed`.

@@ -10,6 +10,7 @@ from tuning.cli.options.arguments import (
     PAPER_CONTROLLERS,
     PLANTS,
     SCENARIOS,
+    add_actuators,
     add_common,
     add_dt,
     add_mission,
@@ -92,6 +93,7 @@ def _add_compare(commands: Any) -> None:
         help="gains files, as `tune` writes them, each compared as one more "
         "controller; `tuned`: those that come with jaxglider for this case",
     )
+    add_actuators(parser)
     add_dt(parser)
     add_common(parser, "results/compare")
 

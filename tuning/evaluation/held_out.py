@@ -1,18 +1,22 @@
 """Before against after, member by member, on a set that tuning did not see."""
 
 import dataclasses
-from typing import Any
+from operator import attrgetter
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
+from jaxglider.control.specification import Specification
 from jaxglider.files.results import metrics_dict
 from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from tuning.problem.members import nominal_member
 from tuning.problem.problem import TuningProblem
+from tuning.reporting.ledger import Entry, ledger, with_smoothing
 from tuning.reporting.statistics import student_half_width
+from tuning.reporting.violations import broken, violations
 
 MEASURES = {"rms_error": "L2[e]", "rms_effort": "L2[U]", "chattering": "L2[dU]"}
 """Measures of a channel that are compared, and their symbols."""
@@ -47,8 +51,9 @@ class Counts:
         members: number of members.
         not_finite: number of runs that became non-finite.
         capsized: number that rolled past 90 degrees.
-        outside_funnel: number that left a funnel at some time.
+        outside_funnel: number that left a specified funnel at some time.
         unfinished: number that missed a waypoint; None without a course.
+        broken: number that broke any part of the specification; each part by its name.
     """
 
     members: int
@@ -56,6 +61,7 @@ class Counts:
     capsized: int
     outside_funnel: int
     unfinished: int | None = None
+    broken: dict[str, int] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,11 +72,13 @@ class Verdict:
         nominal: metrics of the nominal case as plain numbers.
         held_out: comparison of each measure of `MEASURES`, by channel.
         counts: troubles of the held-out members.
+        ledger: assumptions of the theorem on the held-out members.
     """
 
     nominal: dict[str, dict[str, Any]]
     held_out: dict[str, dict[str, PairedMeans]]
     counts: dict[str, Counts]
+    ledger: dict[str, dict[str, Entry]] = dataclasses.field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, as they stand in tune.json."""
@@ -81,49 +89,73 @@ class Verdict:
         return tables
 
 
+class Judged(NamedTuple):
+    """A loop on the nominal case and on the held-out test members, on the host.
+
+    Attributes:
+        nominal: metrics of the nominal case alone.
+        held_out: metrics of the test members.
+        ledger: assumptions of the theorem on these.
+    """
+
+    nominal: Metrics
+    held_out: Metrics
+    ledger: dict[str, Entry]
+
+
 class Judge:
     """Judge of a loop on the nominal case and on the held-out test members."""
 
     def __init__(self, problem: TuningProblem) -> None:
         self._problem, self._run = problem, problem.on_members()
 
-    def __call__(self, loop: ClosedLoop) -> tuple[Metrics, Metrics]:
-        """Metrics of the nominal case alone, and of the test members; on the host."""
-        members = nominal_member(self._problem.loop), self._problem.test
-        nominal, held_out = (jax.device_get(self._run(loop, m)) for m in members)
-        return nominal, held_out
+    def __call__(self, loop: ClosedLoop) -> Judged:
+        """Metrics of the nominal case and of the test members, and their ledger."""
+        test = self._problem.test
+        nominal, _ = jax.device_get(self._run(loop, nominal_member(self._problem.loop)))
+        held_out, witness = jax.device_get(self._run(loop, test))
+        smoother = with_smoothing(loop, 0.1)
+        if smoother is not None:
+            smoother, _ = jax.device_get(self._run(smoother, test))
+        return Judged(nominal, held_out, ledger(loop, held_out, witness, smoother))
 
 
 def compare_held_out(
     problem: TuningProblem,
-    before: tuple[Metrics, Metrics],
-    after: tuple[Metrics, Metrics],
+    before: Judged,
+    after: Judged,
 ) -> Verdict:
     """Before against after on the nominal case and on the held-out test members.
 
     Args:
         problem: problem that was solved.
-        before: metrics that its `Judge` gives for the gains before.
-        after: metrics that it gives for those after.
+        before: judgement of its `Judge` on the gains before.
+        after: judgement on those after.
     """
     both = {"before": before, "after": after}
     waypoints = problem.loop.scenario.reference.waypoints
     return Verdict(
         nominal={
-            name: metrics_dict(_one(nominal, 0), has_waypoints=waypoints is not None)
-            for name, (nominal, _) in both.items()
+            name: metrics_dict(
+                _one(one.nominal, 0), has_waypoints=waypoints is not None
+            )
+            for name, one in both.items()
         },
         held_out={
             channel: {
                 measure: paired_means(
-                    _column(before[1], channel, measure),
-                    _column(after[1], channel, measure),
+                    _column(before.held_out, channel, measure),
+                    _column(after.held_out, channel, measure),
                 )
                 for measure in MEASURES
             }
             for channel in CHANNELS
         },
-        counts={name: _counts(test, waypoints) for name, (_, test) in both.items()},
+        counts={
+            name: _counts(one.held_out, waypoints, problem.loop.scenario.specification)
+            for name, one in both.items()
+        },
+        ledger={name: one.ledger for name, one in both.items()},
     )
 
 
@@ -163,7 +195,9 @@ def _column(metrics: Metrics, channel: str, measure: str) -> np.ndarray:
     return np.asarray(getattr(getattr(metrics.channels, channel), measure))
 
 
-def _counts(metrics: Metrics, waypoints: int | None) -> Counts:
+def _counts(
+    metrics: Metrics, waypoints: int | None, specification: Specification | None
+) -> Counts:
     outside = sum(_column(metrics, c, "time_outside_funnel") > 0.0 for c in CHANNELS)
     unfinished = None
     if waypoints is not None:
@@ -175,4 +209,17 @@ def _counts(metrics: Metrics, waypoints: int | None) -> Counts:
         capsized=int(np.sum(np.asarray(metrics.capsized))),
         outside_funnel=int(np.sum(outside > 0)),
         unfinished=unfinished,
+        broken=_broken(metrics, specification),
     )
+
+
+def _broken(metrics: Metrics, specification: Specification | None) -> dict[str, int]:
+    """Numbers of members that broke any part of the specification, and each part."""
+
+    def column(name: str) -> np.ndarray:
+        where = f"channels.{name}" if "." in name else name
+        return np.asarray(attrgetter(where)(metrics))
+
+    flags = violations(column, ~np.asarray(metrics.finite), specification)
+    counts = {name: int(np.sum(flag)) for name, flag in flags.items()}
+    return {"any": int(np.sum(broken(flags))), **counts}

@@ -9,19 +9,24 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxglider.control import FxTPPC
 from jaxglider.files.writing import replacing, write_text
 from jaxglider.plotting import errors
 from jaxglider.plotting.style import look
-from jaxglider.signals import CHANNEL_UNITS, CHANNELS
+from jaxglider.signals import CHANNEL_UNITS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory
 from tuning.evaluation.held_out import MEASURES
+from tuning.evaluation.settling_table import settling_table
 from tuning.problem.problem import TuningProblem
-from tuning.reporting.tables import figure, outcome
+from tuning.reporting.ledger import markdown_ledger, text_ledger
+from tuning.reporting.tables import figure, markdown_table, outcome
 from tuning.search.settings import Step
 
 _HELD_OUT = "The figures are of test members that neither descent nor choice has seen."
+_LEDGER = (
+    "The law keeps what it promises where these hold. Counted are the held-out members "
+    "in which each held, with the exact 95 % interval of how likely that is."
+)
 _SAME = "The figures are of the one case tuned on: nothing is held out."
 
 
@@ -50,8 +55,10 @@ def text_report(result: dict[str, Any]) -> str:
         lines.append(
             f"{name:>7}: {counts['outside_funnel']} left a funnel, "
             f"{counts['capsized']} rolled past 90 deg, "
-            f"{_unfinished(counts)}{counts['not_finite']} failed"
+            f"{_unfinished(counts)}{counts['not_finite']} failed, "
+            f"{counts['broken']['any']} broke the specification"
         )
+    lines += text_ledger(result["ledger"]["after"])
     lines += [f"nominal {n}: {outcome(run)}" for n, run in result["nominal"].items()]
     lines += [
         f"{name:<42}{gain['before']:>12.5g} -> {gain['after']:<12.5g}"
@@ -124,7 +131,7 @@ def write_tuning_report(
         for name, figure in figures.items():
             with replacing(out / name) as temporary:
                 figure.savefig(temporary, dpi=150)
-    settling = _settling_table(tuned, runs)
+    settling = settling_table(tuned, runs)
     write_text(out / "report.md", _markdown(result, settling))
 
 
@@ -223,37 +230,6 @@ def errors_figure(runs: dict[str, Trajectory]) -> Figure:
     return figure
 
 
-def _settling_table(tuned: ClosedLoop, runs: dict[str, Trajectory]) -> list[str]:
-    """The theory's settling bound beside the settling seen, for FxTPPC."""
-    law = getattr(tuned.controller, "law", tuned.controller)
-    if not isinstance(law, FxTPPC):
-        return []
-    rows = [
-        "| channel | bound 2 mu/min(k1, k2) [s] | longest time to stay within "
-        "the final bound, nominal [s] |",
-        "|---|---:|---:|",
-    ]
-    for channel in CHANNELS:
-        gains = getattr(law.gains, channel)
-        settling = settling_seen(runs["after"], channel)
-        rows.append(f"| {channel} | {float(gains.settling_bound()):.4g} | {settling} |")
-    return rows
-
-
-def settling_seen(run: Trajectory, channel: str) -> str:
-    """Time after a funnel's restart at which an error last left its final bound [s]."""
-    ticks = run.ticks
-    active = np.asarray(ticks.active)
-    limits = getattr(ticks.limits, channel)
-    lower, upper = np.asarray(limits.lower)[active], np.asarray(limits.upper)[active]
-    error = np.asarray(getattr(ticks.error, channel))[active]
-    clock = np.asarray(ticks.clock)[active]
-    outside = (error < lower.max()) | (error > upper.min())
-    if not np.any(outside):
-        return "0.0"
-    return f"{clock[outside].max():.1f}"
-
-
 def _markdown(result: dict[str, Any], settling: list[str]) -> str:
     lines = [
         f"# Tuning {result['controller']}: {result['scenario']} on {result['plant']}\n",
@@ -284,6 +260,10 @@ def _markdown(result: dict[str, Any], settling: list[str]) -> str:
             f"a funnel at some time, {counts['capsized']} rolled past 90 degrees, "
             f"{_unfinished(counts)}{counts['not_finite']} became non-finite"
         )
+    lines += ["\n## The specification\n", *_specified(result["counts"])]
+    lines += ["\n## Assumptions of the theorem\n", _LEDGER]
+    for name, entries in result["ledger"].items():
+        lines += [f"\n{name.capitalize()}:\n", *markdown_ledger(entries)]
     lines += ["\n## Nominal case\n"]
     lines += [f"- {name}: {outcome(run)}" for name, run in result["nominal"].items()]
     if settling:
@@ -297,6 +277,16 @@ def _markdown(result: dict[str, Any], settling: list[str]) -> str:
         "![errors](errors.png)",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _specified(counts: dict[str, Any]) -> list[str]:
+    """Numbers of members that broke each part of what is specified."""
+    parts = list(counts["after"]["broken"])
+    rows = [
+        [name, *(f"{of['broken'][part]} of {of['members']}" for part in parts)]
+        for name, of in counts.items()
+    ]
+    return markdown_table(["members that broke", *parts], rows, 1)
 
 
 def _cell(value: float | None) -> str:

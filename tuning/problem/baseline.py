@@ -91,7 +91,7 @@ def comparable(baseline: Metrics, loop: ClosedLoop) -> Metrics:
 
 def _edges(loop: ClosedLoop) -> Channels[Any]:
     """The nearer edge of each channel's funnel once it has settled."""
-    judge: Any = loop.scenario.funnel or loop.controller
+    judge: Any = loop.scenario.specification or loop.controller
     late = jnp.full_like(loop.scenario.clock.dt, _LATE)
 
     def nearer(limits: Any) -> Scalar:

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from jaxglider import paper
+from jaxglider.control.specification import Specification
 from jaxglider.files.mission import Mission, paper_case
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Clock, Scenario
@@ -23,8 +24,8 @@ class FlightCase:
         kind: name of one of the paper's cases, whose gains and funnel stand in for what
             is left out.
         plant: name of the plant.
-        scenario: scenario with the funnel that all laws are judged by, whatever becomes
-            of their own.
+        scenario: scenario with the specification that all laws are judged by, whatever
+            becomes of their own funnels.
         model: design model.
         own: gains of the mission file, or None.
     """
@@ -38,7 +39,12 @@ class FlightCase:
 
     @classmethod
     def of_paper(
-        cls, kind: str, plant: str, dt: float | None, duration: float | None
+        cls,
+        kind: str,
+        plant: str,
+        dt: float | None,
+        duration: float | None,
+        actuators: str | None = None,
     ) -> "FlightCase":
         """One of the paper's cases.
 
@@ -47,19 +53,21 @@ class FlightCase:
             plant: name of the plant.
             dt: control tick [s]; 0.05 by default.
             duration: horizon [s]; the case's own by default.
+            actuators: `vehicle`, `ideal`, or None for those of the plant.
 
         Raises:
             ValueError: a number is out of range.
         """
-        scenario = paper.make_scenario(kind, plant, dt=dt or DT, duration=duration)
-        scenario = dataclasses.replace(scenario, funnel=paper.funnel(kind))
+        scenario = paper.make_scenario(
+            kind, plant, dt=dt or DT, duration=duration, actuators=actuators
+        )
         return cls(kind, kind, plant, scenario, paper.design_model(scenario.plant))
 
     @classmethod
     def of_mission(
         cls, mission: Mission, duration: float | None = None
     ) -> "FlightCase":
-        """The task of a mission, judged by its funnel or else its controller's.
+        """The task of a mission, judged by its specification.
 
         Args:
             mission: mission from a file.
@@ -68,14 +76,12 @@ class FlightCase:
         Raises:
             ValueError: the duration is out of range.
         """
-        loop, scenario = mission.loop, mission.loop.scenario
+        scenario = mission.loop.scenario
         if duration is not None:
             clock = scenario.clock
             longer = Clock.lasting(duration, float(clock.dt), clock.substeps)
             clock = dataclasses.replace(longer, moving=clock.moving)
             scenario = dataclasses.replace(scenario, clock=clock)
-        if scenario.funnel is None:
-            scenario = dataclasses.replace(scenario, funnel=loop.controller.funnel)
         return cls(
             mission.name,
             paper_case(scenario.reference.waypoints is not None),
@@ -87,20 +93,30 @@ class FlightCase:
 
     @classmethod
     def of_loop(cls, loop: ClosedLoop, title: str) -> "FlightCase":
-        """The scenario of a closed loop, judged by its funnel or its controller's.
+        """The scenario of a closed loop, judged by its specification.
+
+        One without is judged by what the paper's case prescribes: its controller's own
+        funnel would change with its gains.
 
         Args:
             loop: closed loop to take the scenario and the design model from.
             title: name of what is flown, for reports.
         """
         scenario = loop.scenario
-        if scenario.funnel is None:
-            scenario = dataclasses.replace(scenario, funnel=loop.controller.funnel)
+        case = paper_case(scenario.reference.waypoints is not None)
+        if scenario.specification is None:
+            prescribed = paper.specification(case, scenario.plant)
+            scenario = dataclasses.replace(scenario, specification=prescribed)
         model = loop.controller.model
         if model is None:
             model = paper.design_model(scenario.plant)
-        case = paper_case(scenario.reference.waypoints is not None)
         return cls(title, case, type(scenario.plant).__name__, scenario, model)
+
+    @property
+    def specification(self) -> Specification:
+        """The specification that is judged by."""
+        prescribed = self.scenario.specification
+        return prescribed or paper.specification(self.kind, self.scenario.plant)
 
     def resolve(
         self, words: Sequence[str], controllers: Sequence[str]
@@ -110,5 +126,5 @@ class FlightCase:
 
     def loop(self, gains: GainSet) -> tuple[str, ClosedLoop]:
         """The kind of controller of a set of gains, and the closed loop with it."""
-        law = gains.load(self.kind, self.model, self.scenario.funnel)
+        law = gains.load(self.kind, self.model, self.specification.funnel)
         return law.kind, law.on(self.scenario)

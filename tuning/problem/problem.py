@@ -9,6 +9,7 @@ import jax
 from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Series
 from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.ledger import Witness, assess
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.rollout import evaluate, sparse_checkpoints
 from jaxglider.uncertainty.members import Member, with_member
@@ -63,7 +64,9 @@ class TuningProblem:
         ensemble = spec.ensemble
         uncertainty = ensemble.on(spec.loop)
         loop = dataclasses.replace(spec.loop, scenario=uncertainty.scenario)
-        space = Space.of(loop, spec.paths, spec.constraints)
+        space = Space.of(
+            loop, spec.paths, spec.constraints, spec.disturbance_rate_bound
+        )
 
         def draw(kind: int, count: int) -> Member:
             if ensemble.training == 1:
@@ -117,12 +120,12 @@ class TuningProblem:
         how = self.spec.aggregate, self.cost_scale, jax.devices()
         return jax.jit(lambda rows: losses(self.loss, rows, members, *how))
 
-    def on_members(self) -> Callable[[ClosedLoop, Member], Metrics]:
-        """Compiled: the metrics of a closed loop on each of some members."""
+    def on_members(self) -> Callable[[ClosedLoop, Member], tuple[Metrics, Witness]]:
+        """Compiled: metrics and witness of a closed loop on each of some members."""
 
-        def run(loop: ClosedLoop, members: Member) -> Metrics:
+        def run(loop: ClosedLoop, members: Member) -> tuple[Metrics, Witness]:
             return map_members(
-                lambda m: evaluate(*with_member(loop, m)),
+                lambda m: assess(*with_member(loop, m)),
                 members,
                 devices=jax.devices(),
             )

@@ -6,6 +6,7 @@ from typing import Any
 
 from jaxglider.control import AbstractController
 from jaxglider.files.codec import FAMILIES
+from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Clock
 from jaxglider.uncertainty.members import Uncertainty
@@ -17,7 +18,8 @@ from tuning.problem.fingerprint import fingerprint
 from tuning.problem.gain_sets import PAPER
 from tuning.problem.objective import Cost, Weights
 from tuning.problem.objective_file import DEFAULT_WEIGHTS
-from tuning.space.coordinates import K1_BELOW_K2, tunable_paths
+from tuning.space.coordinates import tunable_paths
+from tuning.space.space import HELD_BY_DEFAULT
 
 
 def name_of(controller: AbstractController) -> str:
@@ -92,6 +94,8 @@ class ProblemSpec:
         aggregate: mean, CVaR or soft worst of the members' costs.
         constraints: names of the coupled constraints that are held; each gain's own
             set is always held.
+        disturbance_rate_bound: bounds on the rate of each axis' disturbance [N/s, N
+            m/s], for the constraint `observer-set`.
         gradient_memory: memory of the gradient that is descended [s], positive; None
             for the exact one. See `evaluate`.
 
@@ -107,7 +111,8 @@ class ProblemSpec:
     weights: Weights = DEFAULT_WEIGHTS
     cost: Cost | None = None
     aggregate: AbstractAggregate = MEAN
-    constraints: tuple[str, ...] = (K1_BELOW_K2,)
+    constraints: tuple[str, ...] = HELD_BY_DEFAULT
+    disturbance_rate_bound: BodyAxes[float] | None = None
     gradient_memory: float | None = 60.0
 
     def __post_init__(self) -> None:
@@ -149,6 +154,7 @@ class ProblemSpec:
         gains: str = PAPER,
         dt: float | None = None,
         duration: float | None = None,
+        actuators: str | None = None,
         **more: Any,
     ) -> "ProblemSpec":
         """The problem of tuning a control law in one of the paper's cases.
@@ -160,12 +166,13 @@ class ProblemSpec:
             gains: gains to start from: `paper`, `tuned` or the path of a file.
             dt: control tick [s]; the case's own by default.
             duration: horizon [s]; the case's own by default.
+            actuators: `vehicle`, `ideal`, or None for those of the plant.
             **more: further attributes.
 
         Raises:
             ValueError: a name is unknown, a number out of range, or a file unusable.
         """
-        case = FlightCase.of_paper(scenario, plant, dt, duration)
+        case = FlightCase.of_paper(scenario, plant, dt, duration, actuators)
         (chosen,) = case.resolve([gains], [controller])
         name, loop = case.loop(chosen)
         return cls(case, name, loop, **more)

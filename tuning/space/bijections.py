@@ -17,9 +17,6 @@ is bent smoothly so that it stays within ±30, gains between 1e-13 and 1e13.
 """
 
 import dataclasses
-import functools
-import math
-from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -27,7 +24,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.core.containers import Scalar, Series
-from jaxglider.core.sets import Interval
 
 MARGIN = 1e-5
 """m: share of an edge by which a gain stays clear of it."""
@@ -59,11 +55,11 @@ class Positive:
         """The part that does not need the edge."""
         return jnp.exp(bent)
 
-    def place(self, grown: Scalar, edge: Scalar | float) -> Scalar:
+    def place(self, grown: Scalar, edge: Any) -> Scalar:
         """The gain, from `stretch` and the edge."""
         return grown
 
-    def inverse(self, gain: Number, edge: float) -> Number:
+    def inverse(self, gain: Number, edge: Any) -> Number:
         """The bent free number of a gain; not to be traced."""
         return np.log(gain)
 
@@ -76,19 +72,19 @@ class Above:
         """The part that does not need the edge."""
         return jnp.exp(bent)
 
-    def place(self, grown: Scalar, edge: Scalar | float) -> Scalar:
+    def place(self, grown: Scalar, edge: Any) -> Scalar:
         """The gain, from `stretch` and the edge."""
         return edge * (1.0 + MARGIN) + grown
 
-    def inverse(self, gain: Number, edge: float) -> Number:
+    def inverse(self, gain: Number, edge: Any) -> Number:
         """The bent free number of a gain; not to be traced."""
         return np.log(gain - edge * (1.0 + MARGIN))
 
-    def has_room_for(self, gain: float, edge: float) -> bool:
+    def has_room_for(self, gain: float, edge: Any) -> bool:
         """Whether a gain is clear of the edge."""
         return gain >= edge * (1.0 + 2.0 * MARGIN)
 
-    def inside(self, gain: float, edge: float, step: float) -> float:
+    def inside(self, gain: float, edge: Any, step: float) -> float:
         """The nearest gain that is clear of the edge by a share of it."""
         return edge * (1.0 + step)
 
@@ -101,20 +97,20 @@ class Below:
         """The part that does not need the edge."""
         return jax.nn.sigmoid(bent)
 
-    def place(self, grown: Scalar, edge: Scalar | float) -> Scalar:
+    def place(self, grown: Scalar, edge: Any) -> Scalar:
         """The gain, from `stretch` and the edge."""
         return edge * (1.0 - MARGIN) * grown
 
-    def inverse(self, gain: Number, edge: float) -> Number:
+    def inverse(self, gain: Number, edge: Any) -> Number:
         """The bent free number of a gain; not to be traced."""
         share = gain / (edge * (1.0 - MARGIN))
         return np.log(share) - np.log1p(-share)
 
-    def has_room_for(self, gain: float, edge: float) -> bool:
+    def has_room_for(self, gain: float, edge: Any) -> bool:
         """Whether a gain is clear of the edge, and positive."""
         return 0.0 < gain <= edge * (1.0 - 2.0 * MARGIN)
 
-    def inside(self, gain: float, edge: float, step: float) -> float:
+    def inside(self, gain: float, edge: Any, step: float) -> float:
         """The nearest gain that is clear of the edge by a share of it."""
         return edge * (1.0 - step)
 
@@ -133,172 +129,55 @@ class Between:
         """The part that does not need the edge."""
         return jax.nn.sigmoid(bent)
 
-    def place(self, grown: Scalar, edge: Scalar | float) -> Scalar:
+    def place(self, grown: Scalar, edge: Any) -> Scalar:
         """The gain, from `stretch` and the edge."""
         share = MARGIN + (1.0 - 2.0 * MARGIN) * grown
         return self.low + (edge - self.low) * share
 
-    def inverse(self, gain: Number, edge: float) -> Number:
+    def inverse(self, gain: Number, edge: Any) -> Number:
         """The bent free number of a gain; not to be traced."""
         width = (edge - self.low) * (1.0 - 2.0 * MARGIN)
         share = (gain - self.low - MARGIN * (edge - self.low)) / width
         return np.log(share) - np.log1p(-share)
 
-    def has_room_for(self, gain: float, edge: float) -> bool:
+    def has_room_for(self, gain: float, edge: Any) -> bool:
         """Whether a gain is clear of both ends."""
         room = 2.0 * MARGIN * (edge - self.low)
         return self.low + room <= gain <= edge - room
 
-    def inside(self, gain: float, edge: float, step: float) -> float:
+    def inside(self, gain: float, edge: Any, step: float) -> float:
         """The nearest gain that is clear of its end by a share of the interval."""
         room = step * (edge - self.low)
         return min(max(gain, self.low + room), edge - room)
 
 
-Bijection = Positive | Above | Below | Between
-
-
 @dataclasses.dataclass(frozen=True)
-class Edge:
-    """End of a set.
+class Within:
+    """x = low + (high − low) (m + (1 − 2m) / (1 + exp(−z))); both ends are the edge.
 
-    Attributes:
-        at: the edge as a function of the partner gain; traced.
-        rule: the set in words.
-        holds: whether a gain is in the set, given its partner; plain numbers, exact.
+    Either end may depend on other gains.
     """
 
-    at: Callable[[Any], Any]
-    rule: str
-    holds: Callable[[float, float], bool]
+    def stretch(self, bent: Series) -> Series:
+        """The part that does not need the edges."""
+        return jax.nn.sigmoid(bent)
+
+    def place(self, grown: Scalar, edge: Any) -> Scalar:
+        """The gain, from `stretch` and both edges."""
+        low, high = edge
+        return low + (high - low) * (MARGIN + (1.0 - 2.0 * MARGIN) * grown)
+
+    def inverse(self, gain: Number, edge: Any) -> Number:
+        """The bent free number of a gain; not to be traced."""
+        return Between(edge[0]).inverse(gain, edge[1])
+
+    def has_room_for(self, gain: float, edge: Any) -> bool:
+        """Whether a gain is clear of both edges."""
+        return Between(edge[0]).has_room_for(gain, edge[1])
+
+    def inside(self, gain: float, edge: Any, step: float) -> float:
+        """The nearest gain that is clear of both edges by a share of the interval."""
+        return Between(edge[0]).inside(gain, edge[1], step)
 
 
-def _sech(x: Scalar) -> Scalar:
-    decay = jnp.exp(-x)
-    return 2.0 * decay / (1.0 + decay * decay)
-
-
-def _sech_number(x: float) -> float:
-    decay = math.exp(-x)
-    return 2.0 * decay / (1.0 + decay * decay)
-
-
-def _arcsech(y: Scalar) -> Scalar:
-    raised = y * (1.0 + MARGIN)
-    return jnp.log((1.0 + jnp.sqrt((1.0 - raised) * (1.0 + raised))) / raised)
-
-
-POSITIVE = Edge(lambda _: 0.0, "positive", lambda x, _: x > 0.0)
-K2_GIVEN_K1 = Edge(
-    lambda k1: jnp.sqrt(k1) * math.sqrt(4.0 / 3.0),
-    "k1 < 3/4 k2^2",
-    lambda k2, k1: 0.0 < k1 < 0.75 * k2 * k2,
-)
-K1_GIVEN_K2 = Edge(
-    lambda k2: 0.75 * k2 * k2,
-    "k1 < 3/4 k2^2",
-    lambda k1, k2: 0.0 < k1 < 0.75 * k2 * k2,
-)
-SECH_BOUND = Edge(
-    _sech,
-    "positive and below sech(initial)",
-    lambda bound, initial: 0.0 < bound < _sech_number(initial),
-)
-SECH_INITIAL = Edge(
-    _arcsech,
-    "positive, with sech(initial) above final_bound",
-    lambda initial, bound: initial > 0.0 and 0.0 < bound < _sech_number(initial),
-)
-# sech(20) = 4e-9: a funnel that starts from more cannot be told from one that does not.
-SECH_INITIAL_ALONE = Edge(
-    lambda _: 20.0, "positive and below 20", lambda initial, _: 0.0 < initial < 20.0
-)
-
-
-@functools.cache
-def of_interval(numbers: Interval) -> tuple[Bijection, Edge]:
-    """The bijection of a number in an interval, whatever the others are.
-
-    Zero is never reached, even where it belongs to the interval.
-
-    Raises:
-        ValueError: an interval that ends at one side only, and not at zero or above.
-    """
-    low, high = numbers.low, numbers.high
-    if low == 0.0:
-        numbers = dataclasses.replace(numbers, closed_low=False)
-        if math.isinf(high):
-            return Positive(), POSITIVE
-    rule = numbers.words()
-
-    def holds(x: float, _: float) -> bool:
-        return bool(numbers.holds(x))
-
-    if math.isinf(high) and low > 0.0:
-        return Above(), Edge(lambda _: low, rule, holds)
-    if math.isinf(high - low):
-        raise ValueError(
-            f"a tuned number must have two ends or start from zero or above; its set "
-            f"is {rule}. Give its Interval both ends, or tune it not."
-        )
-    bijection = Below() if low == 0.0 else Between(low)
-    return bijection, Edge(lambda _: high, rule, holds)
-
-
-def observer_integral(rate_bound: float) -> Edge:
-    """Lower edge of ι₂ given ι₁, for |d'| ≤ D.
-
-    The published set is ι₂ > ι₁²/4 + 4D²/ι₁² for ι₁ ≤ 2√D and ι₂ > D beyond. With
-    q = log(ι₁²/4D) the first is 2D cosh q. The set's edge jumps from 2D to D at q = 0,
-    and a search cannot follow a jump: beyond it ours falls as D (1 + 1/(1 + 100 q²)),
-    a little inside the set.
-    """
-
-    def at(proportional: Scalar) -> Scalar:
-        q = 2.0 * jnp.log(proportional) - math.log(4.0 * rate_bound)
-        rising = 2.0 * jnp.cosh(jnp.minimum(q, 0.0))
-        flat = 1.0 + 1.0 / (1.0 + 100.0 * q * q)
-        return rate_bound * jnp.where(q < 0.0, rising, flat)
-
-    return Edge(
-        at,
-        f"in the observer set for a disturbance rate up to {rate_bound:g}",
-        lambda integral, proportional: in_observer_set(
-            proportional, integral, rate_bound
-        ),
-    )
-
-
-def observer_proportional(rate_bound: float) -> Edge:
-    """Lower edge of ι₁ given a fixed ι₂; NaN for ι₂ ≤ D, where no ι₁ is in the set."""
-
-    def at(integral: Scalar) -> Scalar:
-        # A millionth less, so that rounding errs towards the inside.
-        c = integral / rate_bound * (1.0 - 1e-6)
-        wide = jnp.maximum(c, 2.0)
-        r = 2.0 / (wide + jnp.sqrt(wide - 2.0) * jnp.sqrt(wide + 2.0))
-        return jnp.where(c > 1.0, 2.0 * jnp.sqrt(rate_bound * r), jnp.nan)
-
-    return Edge(
-        at,
-        f"in the observer set for a disturbance rate up to {rate_bound:g}",
-        lambda proportional, integral: in_observer_set(
-            proportional, integral, rate_bound
-        ),
-    )
-
-
-def in_observer_set(proportional: float, integral: float, rate_bound: float) -> bool:
-    """Whether ι₁ and ι₂ of one axis are in the published set, for |d'| ≤ D.
-
-    Args:
-        proportional: ι₁.
-        integral: ι₂.
-        rate_bound: D [N/s or N m/s].
-    """
-    square, limit = proportional**2, rate_bound
-    if not proportional > 0.0:
-        return False
-    if square > 4.0 * limit:
-        return integral > limit
-    return integral > square / 4.0 + 4.0 * limit * limit / square
+Bijection = Positive | Above | Below | Between | Within

@@ -2,7 +2,7 @@
 
 import dataclasses
 import difflib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import Any
 
@@ -17,24 +17,20 @@ from jaxglider.core.sets import SECH_ABOVE_BOUND, Interval, NumberSet
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.vehicle.design_model import DesignModel
-from tuning.space.bijections import (
+from tuning.space.bijections import Above, Below, Bijection, Positive
+from tuning.space.coordinate import Coordinate
+from tuning.space.edges import (
     K1_GIVEN_K2,
     K2_GIVEN_K1,
     POSITIVE,
     SECH_BOUND,
     SECH_INITIAL,
     SECH_INITIAL_ALONE,
-    Above,
-    Below,
-    Bijection,
     Edge,
-    Positive,
     observer_integral,
     observer_proportional,
     of_interval,
 )
-
-CONSTRAINTS = (K1_BELOW_K2, OBSERVER_SET)
 
 _GUIDANCE = "scenario.reference.line_of_sight"
 
@@ -58,23 +54,6 @@ class Number:
     def beside(self, field: str) -> str:
         """Path of the number at the same place of another field of the owner."""
         return f"{self.owner}.{field}{self.below}"
-
-
-@dataclasses.dataclass(frozen=True)
-class Coordinate:
-    """One tuned number.
-
-    Attributes:
-        path: dotted path from the closed loop.
-        bijection: bijection between the number and its free number.
-        edge: edge of its set.
-        partner: path of the number its edge depends on, if any.
-    """
-
-    path: str
-    bijection: Bijection
-    edge: Edge
-    partner: str | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,7 +138,10 @@ def pairs(loop: ClosedLoop, bounds: BodyAxes[Any] | None) -> Iterator[Pair]:
 
 
 def coordinates(
-    loop: ClosedLoop, names: Collection[str], coupled: Collection[Pair]
+    loop: ClosedLoop,
+    names: Collection[str],
+    coupled: Collection[Pair],
+    prescribed: Mapping[str, Coordinate] | None = None,
 ) -> tuple[Coordinate, ...]:
     """Coordinates of the tuned numbers, each of which keeps its number in its set.
 
@@ -167,18 +149,22 @@ def coordinates(
         loop: the closed loop.
         names: dotted paths of the tuned numbers.
         coupled: pairs to hold.
+        prescribed: coordinates that a specification asks for, by path; they stand
+            before all others.
     """
     tunable = _tunable(loop)
     by_first = {pair.first: pair for pair in coupled}
     by_second = {pair.second: pair for pair in coupled}
 
     def of(path: str) -> Coordinate:
+        if prescribed and path in prescribed:
+            return prescribed[path]
         if path in by_second:
             pair = by_second[path]
-            return Coordinate(path, Above(), pair.second_edge, pair.first)
+            return Coordinate(path, Above(), pair.second_edge, (pair.first,))
         if path in by_first and by_first[path].second not in names:
             pair = by_first[path]
-            return Coordinate(path, pair.first_kind, pair.first_edge, pair.second)
+            return Coordinate(path, pair.first_kind, pair.first_edge, (pair.second,))
         return _by_itself(path, tunable[path], names)
 
     return tuple(of(path) for path in names)
@@ -192,11 +178,11 @@ def _by_itself(path: str, number: Number, names: Collection[str]) -> Coordinate:
     if numbers.rule != SECH_ABOVE_BOUND:
         return Coordinate(path, Positive(), POSITIVE)
     if number.field == numbers.second:
-        return Coordinate(path, Below(), SECH_BOUND, number.beside(numbers.first))
+        return Coordinate(path, Below(), SECH_BOUND, (number.beside(numbers.first),))
     bound = number.beside(numbers.second)
     if bound in names:
         return Coordinate(path, Below(), SECH_INITIAL_ALONE)
-    return Coordinate(path, Below(), SECH_INITIAL, bound)
+    return Coordinate(path, Below(), SECH_INITIAL, (bound,))
 
 
 def _tunable(loop: ClosedLoop) -> dict[str, Number]:

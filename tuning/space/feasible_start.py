@@ -1,7 +1,7 @@
 """Start of a search: the numbers of a closed loop, moved into their sets."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from operator import attrgetter
 from typing import Any
 
@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.simulation.closed_loop import ClosedLoop
-from tuning.space.bijections import Above, Between, Edge, Positive
-from tuning.space.coordinates import Coordinate, Pair, leaves
+from tuning.space.bijections import Above, Between, Positive, Within
+from tuning.space.coordinate import Coordinate
+from tuning.space.coordinates import Pair, leaves
 
 # A bijection is flat at its edge, and a search that started there would stay there for
 # long: this share inside a fixed edge, and inside an edge that moves with a gain.
@@ -31,7 +32,7 @@ def start_inside(
     Raises:
         ValueError: a number that cannot be moved into its set.
     """
-    paths = [p for c in coordinates for p in (c.path, c.partner) if p]
+    paths = [path for c in coordinates for path in (c.path, *c.partners)]
     start = {path: float(attrgetter(path)(loop)) for path in paths}
     moved: dict[str, list[str]] = {}
     with jax.enable_x64(True):
@@ -40,7 +41,7 @@ def start_inside(
             if words:
                 moved.setdefault(words, []).append(c.path)
     for c in coordinates:
-        if isinstance(c.bijection, Between):
+        if isinstance(c.bijection, Between | Within):
             continue
         if not _SMALLEST < start[c.path] < _LARGEST:
             raise ValueError(
@@ -55,16 +56,19 @@ def start_inside(
 def partners_first(
     coordinates: Sequence[Coordinate],
 ) -> list[tuple[int, Coordinate]]:
-    """Numbered coordinates, those that another's edge depends on before the others."""
-    free = {c.path for c in coordinates}
-    return sorted(
-        enumerate(coordinates), key=lambda numbered: numbered[1].partner in free
-    )
+    """Numbered coordinates, those that another's edge depends on before that one."""
+    free = {c.path: c for c in coordinates}
+
+    def depth(c: Coordinate) -> int:
+        return max((1 + depth(free[p]) for p in c.partners if p in free), default=0)
+
+    return sorted(enumerate(coordinates), key=lambda numbered: depth(numbered[1]))
 
 
 def edge_at(c: Coordinate, start: dict[str, float]) -> Any:
-    """The edge of a number, given where its partner starts."""
-    return c.edge.at(jnp.asarray(start[c.partner]) if c.partner else None)
+    """The edge of a number, or both, given where its partners start."""
+    edge = c.edge.at(*(jnp.asarray(start[path]) for path in c.partners))
+    return jax.tree.map(float, edge)
 
 
 def left_broken(
@@ -97,34 +101,40 @@ def left_broken(
 
 def _move(c: Coordinate, start: dict[str, float], free: Collection[str]) -> str:
     """Move a number that is outside its set to inside; what was done, in words."""
-    signed = isinstance(c.bijection, Between)
+    signed = isinstance(c.bijection, Between | Within)
     if isinstance(c.bijection, Positive) or not (signed or start[c.path] > 0.0):
         return ""
-    old, edge = start[c.path], float(edge_at(c, start))
-    if not (signed or edge > 0.0):
+    old, edge = start[c.path], edge_at(c, start)
+    if not (signed or edge >= 0.0 or not c.partners):
         raise ValueError(
-            f"no {c.path} keeps its rule, {c.edge.rule}, while {c.partner} is "
-            f"{start[c.partner or '']:g}; tune both, or change the other first."
+            f"no {c.path} keeps its rule, {c.edge.rule}, while {c.partners[0]} is "
+            f"{start[c.partners[0]]:g}; tune both, or change the other first."
         )
     if c.bijection.has_room_for(old, edge):
         return ""
-    if c.partner is None:
+    if c.edge.moved or (isinstance(c.bijection, Within) and c.partners):
+        start[c.path] = c.bijection.inside(old, edge, _INSIDE)
+        plain = f"{{paths}} (set: {c.edge.rule}): the search starts from just inside."
+        return c.edge.moved or plain
+    if not c.partners:
         start[c.path] = c.bijection.inside(old, edge, _INSIDE)
         return (
             f"{{paths}} (set: {c.edge.rule}): the search starts from "
             f"{start[c.path]:g} instead of {old:g}, because it stays strictly inside "
             "and would hardly leave an edge."
         )
-    before = start[c.partner]
-    if isinstance(c.bijection, Above) and c.partner in free:
-        start[c.partner], start[c.path] = nearest_above(
-            c.edge, before, old, _INSIDE_COUPLED
+    partner, *others = c.partners
+    before = start[partner]
+    if isinstance(c.bijection, Above) and partner in free:
+        beside = [jnp.asarray(start[path]) for path in others]
+        start[partner], start[c.path] = nearest_above(
+            lambda x: c.edge.at(x, *beside), before, old, _INSIDE_COUPLED
         )
     else:
         start[c.path] = c.bijection.inside(old, edge, _INSIDE_COUPLED)
     changes = f"{c.path} from {old:g} to {start[c.path]:g}"
-    if start[c.partner] != before:
-        changes = f"{c.partner} from {before:g} to {start[c.partner]:g}, {changes}"
+    if start[partner] != before:
+        changes = f"{partner} from {before:g} to {start[partner]:g}, {changes}"
     return (
         f"The start breaks its rule, {c.edge.rule}: the search starts from the nearest "
         f"point inside, {changes}."
@@ -132,7 +142,7 @@ def _move(c: Coordinate, start: dict[str, float], free: Collection[str]) -> str:
 
 
 def nearest_above(
-    edge: Edge, partner: float, gain: float, step: float
+    edge: Callable[[Any], Any], partner: float, gain: float, step: float
 ) -> tuple[float, float]:
     """The point nearest in logarithms at which a gain is above its edge.
 
@@ -140,7 +150,7 @@ def nearest_above(
     that is refined around its best point, because the set need not be convex.
 
     Args:
-        edge: edge of the gain, given its partner.
+        edge: edge of the gain as a function of its partner.
         partner: starting value of the partner.
         gain: starting value of the gain, below the edge.
         step: share of the edge by which to clear it.
@@ -151,7 +161,7 @@ def nearest_above(
     start, level = math.log(partner), math.log(gain)
 
     def needed(log_partner: np.ndarray) -> np.ndarray:
-        return np.log(np.asarray(edge.at(jnp.exp(log_partner)))) + math.log1p(step)
+        return np.log(np.asarray(edge(jnp.exp(log_partner)))) + math.log1p(step)
 
     reach = float(needed(np.asarray(start))) - level
     low, high = start - reach, start + reach

@@ -4,10 +4,12 @@ A number is named by its dotted path, `controller.gains.depth.k1`; a path may en
 or have `*` for a component. Whatever the free numbers are, the closed loop they are
 written to has every tuned number in the set the theory asks for: see `bijections`.
 
-Two of the theory's sets couple gains and are held by name:
+Sets that couple gains are held by name:
 
 - `k1-below-k2-squared`: k₁ < ¾ k₂² of the fixed-time law; by default.
 - `observer-set`: ι₁ and ι₂ of the observer, given a bound on the disturbance's rate.
+- `inside-specification`, `restart-inside`, `surface-settles`, `equal-edges`: see
+  `prescribed`.
 
 Gains that start outside are moved to the nearest point inside, in logarithms, and the
 space says so in its notes.
@@ -15,6 +17,7 @@ space says so in its notes.
 
 import dataclasses
 import functools
+import re
 from collections.abc import Collection, Sequence
 from operator import attrgetter
 from typing import Any
@@ -28,11 +31,10 @@ from jaxglider.core.containers import Series
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.space.bijections import Bijection, bend, unbend
+from tuning.space.coordinate import Coordinate
 from tuning.space.coordinates import (
-    CONSTRAINTS,
     K1_BELOW_K2,
     OBSERVER_SET,
-    Coordinate,
     coordinates,
     expand,
     leaves,
@@ -44,6 +46,12 @@ from tuning.space.feasible_start import (
     partners_first,
     start_inside,
 )
+from tuning.space.prescribed import EQUAL_EDGES, PRESCRIBED, prescribed
+
+HELD_BY_DEFAULT = (K1_BELOW_K2, *PRESCRIBED)
+"""Names of the constraints that `tune` holds where nothing else is asked for."""
+CONSTRAINTS = (*HELD_BY_DEFAULT, OBSERVER_SET, EQUAL_EDGES)
+"""Names of all constraints."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,8 +96,15 @@ class Space:
             for pair in known
             if pair.constraint in constraints and {pair.first, pair.second} & set(names)
         ]
-        space = cls(coordinates(loop, names, held))
-        notes = [*start_inside(loop, space.coordinates)[1]]
+        names, followers = _tied(names, EQUAL_EDGES in constraints)
+        specified, notes = prescribed(loop, names, constraints)
+        space = cls(
+            tuple(
+                dataclasses.replace(c, followers=followers.get(c.path, ()))
+                for c in coordinates(loop, names, held, specified)
+            )
+        )
+        notes += start_inside(loop, space.coordinates)[1]
         notes += left_broken(loop, known, held, names)
         if OBSERVER_SET in constraints and not any(
             pair.constraint == OBSERVER_SET for pair in known
@@ -111,7 +126,7 @@ class Space:
         """
         start, _ = start_inside(loop, self.coordinates)
         with jax.enable_x64(True):
-            edges = [float(edge_at(c, start)) for c in self.coordinates]
+            edges = [edge_at(c, start) for c in self.coordinates]
         bent = [
             c.bijection.inverse(start[c.path], edge)
             for c, edge in zip(self.coordinates, edges, strict=True)
@@ -127,18 +142,21 @@ class Space:
         grown = dict(zip(kinds, _stretched(kinds, free), strict=True))
         written: dict[str, Any] = {}
         for n, c in partners_first(self.coordinates):
-            partner = None
-            if c.partner is not None:
-                partner = written.get(c.partner, attrgetter(c.partner)(loop))
+            partners = [
+                written[path] if path in written else attrgetter(path)(loop)
+                for path in c.partners
+            ]
             written[c.path] = c.bijection.place(
-                grown[c.bijection][n], c.edge.at(partner)
+                grown[c.bijection][n], c.edge.at(*partners)
             )
-        old = leaves(loop, self.names)
+            written.update(dict.fromkeys(c.followers, written[c.path]))
+        names = tuple(written)
+        old = leaves(loop, names)
         new = [
             jnp.asarray(written[name], leaf.dtype)
-            for name, leaf in zip(self.names, old, strict=True)
+            for name, leaf in zip(names, old, strict=True)
         ]
-        return eqx.tree_at(lambda at: leaves(at, self.names), loop, new)
+        return eqx.tree_at(lambda at: leaves(at, names), loop, new)
 
     def values(self, loop: ClosedLoop) -> dict[str, float]:
         """The tuned numbers of a closed loop, by path."""
@@ -152,9 +170,13 @@ class Space:
         broken = []
         for c in self.coordinates:
             value = float(attrgetter(c.path)(loop))
-            partner = float(attrgetter(c.partner)(loop)) if c.partner else 0.0
-            if not (np.isfinite(value) and c.edge.holds(value, partner)):
-                beside = f" with {c.partner} = {partner:g}" if c.partner else ""
+            partners = [float(x) for x in leaves(loop, c.partners)]
+            if not (np.isfinite(value) and c.edge.holds(value, *partners)):
+                beside = ", ".join(
+                    f"{path} = {x:g}"
+                    for path, x in zip(c.partners, partners, strict=True)
+                )
+                beside = f" with {beside}" if beside else ""
                 broken.append(
                     f"{c.path} = {value:g}{beside} breaks its rule: {c.edge.rule}."
                 )
@@ -167,6 +189,22 @@ def _stretched(kinds: tuple[Bijection, ...], free: Series) -> list[Series]:
     """The part of all gains that does not need the edge, for each kind."""
     bent = bend(free)
     return [kind.stretch(bent) for kind in kinds]
+
+
+def _tied(
+    names: Sequence[str], equal_edges: bool
+) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]]]:
+    """Names without those that follow another, and the followers of each."""
+    sides = {
+        f"{name.rpartition('.')[0]}.lower": name
+        for name in names
+        if equal_edges and re.search(r"\.transformation\.\w+\.upper$", name)
+    }
+    followers: dict[str, tuple[str, ...]] = {
+        low: (high,) for low, high in sides.items() if low in names
+    }
+    gone = {high for tied in followers.values() for high in tied}
+    return tuple(name for name in names if name not in gone), followers
 
 
 def _check_constraints(

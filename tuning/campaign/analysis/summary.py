@@ -88,6 +88,9 @@ class ControllerSummary:
         not_flown: number of members whose last waypoint is reached where they start.
         ends: number of members by the end of their mission, where yos are flown.
         rank_correlations: uncertain numbers that drive each output, strongest first.
+        broken: probability that each part of the specification is broken, `any` first,
+            with its interval.
+        ledger: assumptions of the theorem, by name: how often each held.
         sensitivity: Sobol indices and gradients of each output; None where not asked
             for.
     """
@@ -101,6 +104,8 @@ class ControllerSummary:
     measures: dict[str, Any]
     not_flown: int = 0
     ends: dict[str, int] = dataclasses.field(default_factory=dict)
+    broken: dict[str, Any] = dataclasses.field(default_factory=dict)
+    ledger: dict[str, Any] = dataclasses.field(default_factory=dict)
     rank_correlations: dict[str, Any] = dataclasses.field(default_factory=dict)
     sensitivity: dict[str, Any] | None = None
 
@@ -283,6 +288,7 @@ def text_summary(summary: CampaignSummary) -> str:
             continue
         entries = [of.probabilities[name] for of in controllers.values()]
         rows.append([title, *map(in_interval, entries)])
+    rows += _specified(controllers)
     rows.append(["95 % of members below"])
     for channel, unit in CHANNEL_UNITS.items():
         if channel == "depth" and flights:
@@ -320,10 +326,32 @@ def text_summary(summary: CampaignSummary) -> str:
     return "\n".join(lines)
 
 
+def _specified(controllers: dict[str, ControllerSummary]) -> list[list[str]]:
+    """Rows on the specification as a whole and on the theorem's assumptions."""
+    first = next(iter(controllers.values()))
+    rows = []
+    if first.broken:
+        entries = [of.broken["any"] for of in controllers.values()]
+        rows.append(["broke the specification", *map(in_interval, entries)])
+        if "bank" in first.broken:
+            entries = [of.broken["bank"] for of in controllers.values()]
+            rows.append(["  bank limit", *map(in_interval, entries)])
+    names = dict.fromkeys(name for of in controllers.values() for name in of.ledger)
+    if names:
+        rows.append(["assumption holds"])
+    for name in names:
+        cells = [
+            in_interval(of.ledger[name]["holds"]) if name in of.ledger else "-"
+            for of in controllers.values()
+        ]
+        rows.append([f"  {name}", *cells])
+    return rows
+
+
 def _aligned(rows: list[list[str]]) -> list[str]:
     """Lines of a table: titles to the left, the rest to the right."""
     wide = 2 + max(len(cell) for row in rows for cell in row[1:])
-    lines = [f"{row[0]:<22}" + "".join(f"{x:>{wide}}" for x in row[1:]) for row in rows]
+    lines = [f"{row[0]:<24}" + "".join(f"{x:>{wide}}" for x in row[1:]) for row in rows]
     return [line.rstrip() for line in lines]
 
 

@@ -9,6 +9,7 @@ from jaxglider.files.writing import write_json
 from tuning.campaign.analysis.rank_correlations import drivers
 from tuning.campaign.analysis.requirements import Requirement
 from tuning.campaign.analysis.sensitivity import sensitivities
+from tuning.campaign.analysis.specified import specified_part
 from tuning.campaign.analysis.summary import CampaignSummary, summarise
 from tuning.campaign.report.report import write_campaign_report
 from tuning.campaign.run.campaign import Campaign
@@ -60,14 +61,16 @@ def conclude(
         blocks: rows for Sobol indices, or None for no sensitivities.
         progress: line that shows how far it is; none by default.
     """
-    table = Rows(rows, campaign.labels)
+    table, kinds = Rows(rows, campaign.labels), campaign.kinds
     summary = summarise(
         campaign.settings,
         table,
-        campaign.kinds,
+        kinds,
         campaign.waypoints,
         conclusions.confidence,
     )
+    level = conclusions.confidence
+    specified = [specified_part(campaign, table, n, level) for n in range(len(kinds))]
     names = campaign.uncertainty.names()
     correlations = [drivers(table, names, n) for n in range(len(summary.controllers))]
     answers: list[dict[str, Any] | None] = [None] * len(correlations)
@@ -79,10 +82,10 @@ def conclude(
         )
     controllers = {
         label: dataclasses.replace(
-            controller, rank_correlations=ranked, sensitivity=answer
+            controller, rank_correlations=ranked, sensitivity=answer, **part
         )
-        for (label, controller), ranked, answer in zip(
-            summary.controllers.items(), correlations, answers, strict=True
+        for (label, controller), ranked, answer, part in zip(
+            summary.controllers.items(), correlations, answers, specified, strict=True
         )
     }
     requirements = [

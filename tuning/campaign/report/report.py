@@ -27,6 +27,7 @@ from tuning.campaign.analysis.summary import (
 )
 from tuning.campaign.report import figures
 from tuning.campaign.report.sensitivity_section import blamed, sobol_figure
+from tuning.campaign.report.specified_section import specified_section
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.rows import Rows, unit
 from tuning.reporting.tables import markdown_table
@@ -47,6 +48,7 @@ def write_campaign_report(
     """
     names = _figures(folder / "figures", campaign, table, summary)
     parts = [_head(summary), *_likely(summary), *_required(summary)]
+    parts += specified_section(summary)
     parts += [_picture("convergence"), *_measures(summary), _picture("distributions")]
     parts += [*_compared(summary), *_failed(summary), *_driven(summary)]
     parts += blamed(summary)
@@ -72,8 +74,9 @@ def _head(summary: CampaignSummary) -> str:
     return (
         f"# How sure: {summary.scenario} on {summary.plant}\n\n"
         f"{summary.members} members, the same for every set of gains. {how} All "
-        "are judged by one funnel, that of the case. A run that became non-finite "
-        "counts as every kind of trouble and as worse than any other. "
+        "are judged by one specification, whatever their own funnels are. A run that "
+        "became non-finite counts as every kind of trouble and as worse than any "
+        "other. "
         f"Brackets are {100 * summary.confidence:g} % intervals: exact ones "
         "(Clopper and Pearson) of probabilities, order statistics of quantiles."
         f"{exact}\n"

@@ -48,6 +48,7 @@ class CampaignSettings:
         until_ci: width of the interval at which to stop, or None.
         mission: the tables of a mission file, files that it names included, or None
             for a case of the paper.
+        actuators: `vehicle`, `ideal`, or None for those of the plant.
         digest: fingerprint of loops and uncertainty that were handed over from Python,
             which no file can tell; empty otherwise.
     """
@@ -64,6 +65,7 @@ class CampaignSettings:
     gains: tuple[GainSet, ...]
     until_ci: float | None = None
     mission: dict[str, Any] | None = None
+    actuators: str | None = None
     digest: str = ""
 
     def __post_init__(self) -> None:
@@ -75,7 +77,9 @@ class CampaignSettings:
         """The case that is flown."""
         if self.mission is not None:
             return FlightCase.of_mission(build_mission(self.mission), self.duration)
-        return FlightCase.of_paper(self.scenario, self.plant, self.dt, self.duration)
+        return FlightCase.of_paper(
+            self.scenario, self.plant, self.dt, self.duration, self.actuators
+        )
 
     def fingerprint(self) -> str:
         """A digest of everything that the rows depend on."""

@@ -16,8 +16,8 @@ import numpy as np
 
 from jaxglider.core.batching import BLOCK, map_members
 from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.ledger import Witness, assess
 from jaxglider.simulation.metrics import Metrics
-from jaxglider.simulation.rollout import evaluate
 from jaxglider.uncertainty.members import Member, with_member
 from tuning.campaign.run.rows import flatten
 
@@ -88,15 +88,15 @@ class Engine:
                 ]
             )
         done = [
-            np.stack([flatten(jax.device_get(metrics)) for metrics in piece], axis=1)
+            np.stack([flatten(*jax.device_get(found)) for found in piece], axis=1)
             for piece in pending
         ]
         return np.concatenate(done)[:count]
 
 
-def _outcomes(loop: ClosedLoop, members: Member, block: int) -> Metrics:
+def _outcomes(loop: ClosedLoop, members: Member, block: int) -> tuple[Metrics, Witness]:
     return map_members(
-        lambda member: evaluate(*with_member(loop, member)), members, block=block
+        lambda member: assess(*with_member(loop, member)), members, block=block
     )
 
 

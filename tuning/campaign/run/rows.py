@@ -7,19 +7,34 @@ precision, which holds single precision exactly.
 import dataclasses
 import zlib
 from operator import attrgetter
+from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
+from jaxglider.control.specification import Specification
 from jaxglider.files.results import FLIGHT_UNITS
 from jaxglider.guidance.phases import COMPLETED, STATUSES
-from jaxglider.signals import CHANNEL_UNITS, CHANNELS, COMMAND_UNITS
+from jaxglider.signals import (
+    CHANNEL_UNITS,
+    CHANNELS,
+    COMMAND_UNITS,
+    BodyAxes,
+    Channels,
+    GliderState,
+    zeros,
+)
 from jaxglider.simulation.flight import FlightMetrics
-from jaxglider.simulation.metrics import ChannelMetrics, Metrics
+from jaxglider.simulation.ledger import Witness
+from jaxglider.simulation.metrics import ChannelMetrics, Metrics, empty_sums, finish
 from jaxglider.vehicle.energy import Consumers
+from tuning.reporting.violations import violations
 
 _EFFORTS = dict(zip(CHANNELS, COMMAND_UNITS.values(), strict=True))
 """Unit of the command that belongs to each channel."""
 
+AXES = tuple(field.name for field in dataclasses.fields(BodyAxes))
 MEASURES = tuple(field.name for field in dataclasses.fields(ChannelMetrics))
 OUTCOMES = tuple(
     f.name
@@ -27,7 +42,22 @@ OUTCOMES = tuple(
     if f.name not in ("channels", "status", "flight")
 )
 FLAGS = ("finite", "capsized")
-COLUMNS = (*(f"{c}.{m}" for c in CHANNELS for m in MEASURES), *OUTCOMES)
+METRIC_COLUMNS = (*(f"{c}.{m}" for c in CHANNELS for m in MEASURES), *OUTCOMES)
+_WATCHED = {
+    **{
+        f"{channel}.{name}": f"{part}.{channel}"
+        for name, part in (("law_restart_peak", "at_restart"), ("law_peak", "nearness"))
+        for channel in CHANNELS
+    },
+    **{
+        f"{part}_{axis}": f"{part}.{axis}"
+        for part in ("disturbance", "disturbance_rate", "late_error")
+        for axis in AXES
+    },
+}
+"""Columns of what the theorem's assumptions are judged by: name, path in a witness."""
+_NAMES = {path: name for name, path in _WATCHED.items()}
+COLUMNS = (*METRIC_COLUMNS, *_WATCHED)
 """Names of what is kept of a run, in the order of the rows."""
 _BY_CONSUMER = tuple(f"energy.{f.name}" for f in dataclasses.fields(Consumers))
 _BY_ACTUATOR = tuple(
@@ -55,13 +85,39 @@ MAY_LACK = ("max_error_settled",)
 """Measures that are NaN in a sound run: it may end before its funnel settles."""
 
 
-def flatten(metrics: Metrics) -> np.ndarray:
-    """Metrics with leading axes as numbers, columns last."""
-    paths = [f"channels.{name}" if "." in name else name for name in COLUMNS]
-    if metrics.status is not None:
-        paths += FLIGHT_COLUMNS
-    columns = [np.asarray(attrgetter(path)(metrics), np.float64) for path in paths]
-    return np.stack(columns, axis=-1)
+def flatten(metrics: Metrics, witness: Witness | None = None) -> np.ndarray:
+    """Metrics with leading axes as numbers, columns last, and what was witnessed.
+
+    Args:
+        metrics: metrics of runs.
+        witness: witness of the same runs; None for `METRIC_COLUMNS` alone.
+    """
+    paths = [f"channels.{name}" if "." in name else name for name in METRIC_COLUMNS]
+    columns = [attrgetter(path)(metrics) for path in paths]
+    if witness is not None:
+        columns += [attrgetter(path)(witness) for path in _WATCHED.values()]
+        if metrics.status is not None:
+            columns += [attrgetter(path)(metrics) for path in FLIGHT_COLUMNS]
+    return np.stack([np.asarray(x, np.float64) for x in columns], axis=-1)
+
+
+def metrics_and_witness(values: np.ndarray) -> tuple[Metrics, Witness]:
+    """The inverse of `flatten`, from rows with columns last."""
+    # Built from empty ones: fields are numbers, and these are arrays of them.
+    zero = jnp.zeros(())
+    empty = finish(empty_sums(zero), GliderState.at_rest(), zero.astype(int), zero)
+    axes, channels = zeros(BodyAxes, zero), zeros(Channels, zero)
+    kinds = empty, Witness(channels, channels, axes, axes, axes)
+    column = {name: values[..., n] for n, name in enumerate(COLUMNS)}
+
+    def filled(path: Any, _: Any) -> np.ndarray:
+        words = [part.name for part in path[1:]]
+        name = ".".join(words[1:] if words[0] == "channels" else words)
+        found = column[_NAMES.get(name, name)]
+        return found == 1.0 if name in FLAGS else found
+
+    metrics, witness = jax.tree_util.tree_map_with_path(filled, kinds)
+    return metrics, witness
 
 
 def unit(column: str) -> str:
@@ -76,6 +132,10 @@ def unit(column: str) -> str:
         return CHANNEL_UNITS[channel]
     if measure in ("rms_effort", "chattering"):
         return _EFFORTS[channel]
+    for axis in AXES:
+        if column.endswith(f"_{axis}"):
+            force = "N" if axis in AXES[:3] else "N m"
+            return f"{force}/s" if "rate" in column else force
     return {"end_time": "s", "max_roll": "rad", "max_pitch": "rad"}.get(measure, "1")
 
 
@@ -180,6 +240,14 @@ class Rows:
         named = CHANNELS if channel is None else (channel,)
         outside = [self.column(gains, f"{c}.time_outside_funnel") > 0.0 for c in named]
         return np.logical_or.reduce(outside)
+
+    def violations(
+        self, gains: int, specification: Specification | None
+    ) -> dict[str, np.ndarray]:
+        """Flags of members that break each part of a specification; failures do."""
+        return violations(
+            lambda name: self.column(gains, name), self.failed(gains), specification
+        )
 
     def capsized(self, gains: int) -> np.ndarray:
         """Flags of the members that rolled past 90 degrees; failures did."""

@@ -36,7 +36,9 @@ def _note_origin(
 def _paper_entries(
     options: argparse.Namespace, scenario: str, files: Mapping[str, dict[str, Any]]
 ) -> Iterator[PlannedRun]:
-    setting = paper.make_scenario(scenario, options.plant, dt=options.dt or DT)
+    setting = paper.make_scenario(
+        scenario, options.plant, dt=options.dt or DT, actuators=options.actuators
+    )
     model = paper.design_model(setting.plant)
     sets = resolve(
         [PAPER, *options.gains],

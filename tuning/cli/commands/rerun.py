@@ -25,7 +25,12 @@ from tuning.campaign.analysis.summary import ranked
 from tuning.campaign.run.campaign import Campaign, build
 from tuning.campaign.run.engine import Engine
 from tuning.campaign.run.loop import compute, draw
-from tuning.campaign.run.rows import Rows, flatten, unit
+from tuning.campaign.run.rows import (
+    METRIC_COLUMNS,
+    Rows,
+    flatten,
+    unit,
+)
 from tuning.campaign.run.store import Manifest, read_manifest, read_rows, whole_rows
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.output_folder import writing_to
@@ -146,6 +151,7 @@ def _result(
     found = []
     for number, (label, run) in enumerate(runs.items()):
         row = kept["metrics"][number]
+        metrics = row[: len(METRIC_COLUMNS)]
         found.append(
             {
                 "scenario": settings.scenario,
@@ -156,8 +162,8 @@ def _result(
                     run.metrics, has_waypoints=campaign.waypoints is not None
                 ),
                 "row_equal": _equal(row, again["metrics"][number]),
-                "trajectory_equal": _equal(row, flatten(run.metrics)),
-                "largest_difference": _difference(row, flatten(run.metrics)),
+                "trajectory_equal": _equal(metrics, flatten(run.metrics)),
+                "largest_difference": _difference(metrics, flatten(run.metrics)),
             }
         )
     drawn = {

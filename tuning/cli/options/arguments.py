@@ -12,8 +12,16 @@ from tuning.cli.options.short_errors import Mission
 
 SCENARIOS = ("switching", "waypoints")
 PLANTS = ("printed", "rigid-body", "seawing")
+ACTUATORS = ("vehicle", "ideal")
 PAPER_CONTROLLERS = ("smc", "ppc", "fxtppc")
 CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll", "slocum")
+HELD_BY_DEFAULT = (
+    "k1-below-k2-squared",
+    "inside-specification",
+    "restart-inside",
+    "surface-settles",
+)
+HELD_ON_REQUEST = ("observer-set", "equal-edges")
 OWN_LAW = "FILE.py:ClassName for a law of your own"
 
 
@@ -142,6 +150,16 @@ def add_dt(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_actuators(parser: argparse.ArgumentParser) -> None:
+    """The actuators."""
+    parser.add_argument(
+        "--actuators",
+        choices=ACTUATORS,
+        help="vehicle: they move as fast as the vehicle's file says; ideal: they jump "
+        "to their command, as in the paper; default: ideal on printed, else vehicle",
+    )
+
+
 def add_mission(parser: argparse.ArgumentParser, text: str) -> None:
     """A mission file, named alone or by `--config`.
 
@@ -179,6 +197,7 @@ def add_case(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--scenario", choices=SCENARIOS, help="default: switching")
     parser.add_argument("--plant", choices=PLANTS, help="default: rigid-body")
+    add_actuators(parser)
     parser.add_argument(
         "--duration",
         type=positive,

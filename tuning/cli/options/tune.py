@@ -6,6 +6,8 @@ from typing import Any
 
 from tuning.cli.options.arguments import (
     CONTROLLERS,
+    HELD_BY_DEFAULT,
+    HELD_ON_REQUEST,
     OWN_LAW,
     add_case,
     add_common,
@@ -152,8 +154,28 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--unconstrained",
-        action="store_true",
-        help="do not hold k1 < 3/4 k2^2 (each gain's own range is always held)",
+        nargs="*",
+        choices=HELD_BY_DEFAULT,
+        metavar="NAME",
+        help="let go of these, of all where none is named: "
+        f"{', '.join(HELD_BY_DEFAULT)} (each gain's own range is always held)",
+    )
+    parser.add_argument(
+        "--constrain",
+        nargs="+",
+        choices=HELD_ON_REQUEST,
+        default=[],
+        metavar="NAME",
+        help="hold these too: equal-edges, delta_L = delta_R; observer-set, for a "
+        "disturbance whose rate --disturbance-rate bounds",
+    )
+    parser.add_argument(
+        "--disturbance-rate",
+        nargs=6,
+        type=positive,
+        metavar="R",
+        help="bounds on the rate of the disturbance along surge, sway, heave [N/s] and "
+        "about roll, pitch, yaw [N m/s]",
     )
 
 

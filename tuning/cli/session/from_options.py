@@ -8,6 +8,7 @@ from jaxglider.core.toml import ConfigError, file_text, reason
 from jaxglider.files.law_paths import is_same_law
 from jaxglider.files.mission import load_mission, self_contained
 from jaxglider.files.uncertainty import load_uncertainty
+from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.uncertainty.members import Uncertainty
@@ -20,7 +21,8 @@ from tuning.problem.objective_file import load_cost, read_objective
 from tuning.problem.spec import EnsembleSpec, ProblemSpec
 from tuning.reporting.console import note
 from tuning.search.settings import BlackBoxSettings, DescentSettings
-from tuning.space.coordinates import K1_BELOW_K2
+from tuning.space.coordinates import OBSERVER_SET
+from tuning.space.space import HELD_BY_DEFAULT
 
 DEFAULT_CONTROLLER = {
     "printed": "fxtppc",
@@ -45,7 +47,9 @@ def flight_case(options: argparse.Namespace) -> FlightCase:
         return FlightCase.of_mission(mission, options.duration)
     scenario = options.scenario or "switching"
     plant = options.plant or "rigid-body"
-    return FlightCase.of_paper(scenario, plant, options.dt, options.duration)
+    return FlightCase.of_paper(
+        scenario, plant, options.dt, options.duration, options.actuators
+    )
 
 
 def refuse_beside_mission(options: argparse.Namespace) -> None:
@@ -56,7 +60,7 @@ def refuse_beside_mission(options: argparse.Namespace) -> None:
     """
     if options.config is None:
         return
-    for name in ("scenario", "plant", "dt"):
+    for name in ("scenario", "plant", "dt", "actuators"):
         if getattr(options, name) is not None:
             raise ValueError(
                 f"--{name} does not go with --config; the mission file "
@@ -89,6 +93,7 @@ def problem_spec(options: argparse.Namespace) -> ProblemSpec:
         cost=load_cost(options.cost) if options.cost else None,
         aggregate=aggregate,
         constraints=_constraints(options),
+        disturbance_rate_bound=_rate_bound(options),
         gradient_memory=options.gradient_memory or None,
     )
 
@@ -108,6 +113,7 @@ def nominal_spec(options: argparse.Namespace) -> ProblemSpec:
         free=tuple(options.free),
         ensemble=EnsembleSpec.nominal(),
         constraints=_constraints(options),
+        disturbance_rate_bound=_rate_bound(options),
         gradient_memory=None,
     )
 
@@ -176,6 +182,7 @@ def campaign_settings(
         plant=case.plant,
         dt=options.dt,
         duration=options.duration,
+        actuators=options.actuators,
         precision=options.precision,
         seed=options.seed,
         members=options.members,
@@ -220,7 +227,24 @@ def conclusions(options: argparse.Namespace) -> Conclusions:
 
 
 def _constraints(options: argparse.Namespace) -> tuple[str, ...]:
-    return () if options.unconstrained else (K1_BELOW_K2,)
+    """Those held by default but for `--unconstrained`, and those of `--constrain`."""
+    free = options.unconstrained
+    if free is None:
+        free = ()
+    elif not free:
+        free = HELD_BY_DEFAULT
+    return (*(x for x in HELD_BY_DEFAULT if x not in free), *options.constrain)
+
+
+def _rate_bound(options: argparse.Namespace) -> BodyAxes[float] | None:
+    """`--disturbance-rate` by axis."""
+    rates = options.disturbance_rate
+    if (rates is None) == (OBSERVER_SET in options.constrain):
+        raise ValueError(
+            f"--constrain {OBSERVER_SET} and --disturbance-rate go together: the set "
+            "is that of a disturbance whose rate is bounded."
+        )
+    return None if rates is None else BodyAxes(*rates)
 
 
 def _uncertainty(options: argparse.Namespace, scenario: Scenario) -> Uncertainty:
