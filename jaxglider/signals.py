@@ -167,6 +167,8 @@ class Orders(eqx.Module):
 
     Attributes:
         buoyancy_mass: m_b that the pump is to reach [kg], whatever the law wants.
+        settled_mass: m_b that the half which has begun will be flown with [kg]; another
+            one than that at an inflection where the pump waits.
         mass_held: flag, the moving mass stays where it is for now.
         phase: number of the phase of the yo, an index of `guidance.phases.PHASES`.
         status: end of the mission, an index of `guidance.phases.STATUSES`.
@@ -174,6 +176,7 @@ class Orders(eqx.Module):
     """
 
     buoyancy_mass: Scalar
+    settled_mass: Scalar
     mass_held: jax.Array
     phase: jax.Array
     status: jax.Array

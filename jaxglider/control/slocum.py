@@ -156,9 +156,10 @@ class Slocum(AbstractController):
         dive, climb, waited = self._trimmed(
             state, error.pitch, rate.pitch, climbing, _gliding(reference), dt
         )
-        ballast = measurement.buoyancy_mass
-        if ballast is None:
-            ballast = measurement.applied.buoyancy_mass
+        ballast = measurement.applied.buoyancy_mass
+        if reference.orders is not None:
+            # The mass goes at once to where it will be needed.
+            ballast = reference.orders.settled_mass
         trim = trim_position(self.model, reference.position.pitch, ballast)
         wanted = Command(ballast, trim + jnp.where(climbing, climb, dive), fin)
         following = SlocumState(integral, free, dive, climb, waited, sign)

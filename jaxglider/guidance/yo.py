@@ -225,7 +225,16 @@ class Yo(AbstractReference):
             climbing = (phase == names.CLIMB) | (phase == names.APOGEE)
             sign = jnp.where(climbing & plan.spiral_flips, -1.0, 1.0)
             steering = jnp.where(phase == names.SURFACE, 0.0, sign) * plan.spiral
-        return Orders(ballast, waits, phase, state.status, steering)
+        down, up = state.dive_ballast, state.climb_ballast
+        settled = _by_phase(
+            phase,
+            plan.surface.buoyancy_mass,
+            down,
+            up if apogee.buoyancy_mass is None else apogee.buoyancy_mass,
+            up,
+            down if inflection.buoyancy_mass is None else inflection.buoyancy_mass,
+        )
+        return Orders(ballast, settled, waits, phase, state.status, steering)
 
     def _reference(
         self, state: YoState, measurement: Measurement, aim: Reference, orders: Orders
