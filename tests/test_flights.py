@@ -18,8 +18,17 @@ import tomli_w
 from jaxglider.files.flight.missions import mission_names, mission_path
 from jaxglider.files.mission import load_mission
 from jaxglider.guidance.phases import APOGEE, STATUSES, SURFACE
+from jaxglider.signals import BodyAxes, Channels, Command, GliderState, zeros
 from jaxglider.simulation.flight import halves
+from jaxglider.simulation.motion import integrate, integrate_moving
 from jaxglider.simulation.rollout import simulate
+from jaxglider.simulation.scenario import Clock
+from jaxglider.simulation.tick import TickInput, TickPlan
+from jaxglider.vehicle.actuators import follow_all
+from jaxglider.vehicle.design_model import InputGain
+from jaxglider.vehicle.energy import Pump
+from jaxglider.vehicle.full_plant import full_plant
+from jaxglider.vehicle.published import load_vehicle
 from tuning.cli.main import main
 
 SENSOR = 0.86
@@ -197,6 +206,105 @@ def test_a_mission_that_fails_has_exit_code_1_and_everything_written(
     assert run["flight"]["energy_J"]["pump"] >= 0.0
     for name in ("tables.md", "trajectories.nc"):
         assert (tmp_path / "out" / name).exists()
+
+
+def test_the_ballast_is_set_once_and_only_the_mass_is_solved_for():
+    """Against a least-squares solver of two unknowns, the ballast known."""
+    rng = np.random.default_rng(3)
+    rows = jax.numpy.asarray(rng.normal(size=(20, 12)))
+
+    def solved(x):
+        gain = InputGain(*x[:7])
+        damping = Command(0.1, 0.2, 0.3)
+        found = gain.solve_at(x[7], Channels(*x[8:11]), damping)
+        alone = gain.position_at(x[7], Channels(*x[8:11]), damping, x[11])
+        return found, alone
+
+    found, alone = jax.jit(jax.vmap(solved))(rows)
+    for n, x in enumerate(np.asarray(rows)):
+        g = np.array([[x[2], x[3]], [x[5], x[6]]])
+        left = x[9:11] - x[7] * np.array([x[1], x[4]])
+        both = np.linalg.solve(g.T @ g + np.diag([0.2, 0.3]), g.T @ left)
+        np.testing.assert_allclose(found.mass_position[n], both[0], rtol=1e-9)
+        np.testing.assert_allclose(found.mass_angle[n], both[1], rtol=1e-9)
+        one = x[2] * (left[0] - x[3] * x[11]) / (x[2] ** 2 + 0.2)
+        np.testing.assert_allclose(alone.mass_position[n], one, rtol=1e-9)
+    np.testing.assert_array_equal(found.buoyancy_mass, rows[:, 7])
+
+
+def test_a_period_of_small_steps_is_as_many_ticks_with_the_command_held(slocum):
+    """A tick of 4 s moves actuators and glider as eight ticks of 0.5 s do."""
+    coarse = dataclasses.replace(slocum.scenario, clock=Clock.sampled(4.0, 4.0, 0.5))
+    fine = dataclasses.replace(coarse, clock=Clock.lasting(4.0, 0.5))
+    state = GliderState.at_rest(depth=20.0, pitch=-0.3, surge=0.3, heave=0.01)
+    held, wanted = Command(0.2, 0.0, 0.1), Command(-0.2, 0.01, -0.2)
+    calm = zeros(BodyAxes)
+
+    def inputs(time):
+        plan = TickPlan(jax.numpy.asarray(time), calm, None, None, None, None)
+        return TickInput(plan, calm, None)
+
+    whole = jax.jit(lambda: integrate_moving(coarse, state, held, wanted, inputs(0.0)))
+    position, end = whole()
+
+    def tick(carry, number):
+        held, state = carry
+        moved = follow_all(
+            fine.actuators, held, wanted, fine.clock.dt, 0.0, state.depth
+        )
+        return (moved, integrate(fine, state, moved, inputs(0.5 * number))), None
+
+    start = held, state
+    (place, last), _ = jax.lax.scan(tick, start, jax.numpy.arange(8.0))
+    for a, b in zip(
+        jax.tree.leaves((position, end)), jax.tree.leaves((place, last)), strict=True
+    ):
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-14)
+
+
+def test_a_pump_runs_or_stands_at_rates_of_direction_and_depth():
+    pump = Pump(
+        0.65, push_rate=0.001, draw_rate=0.013, boost_rate=0.002, dead_band=0.002
+    )
+    one = jax.numpy.asarray(1.0)
+
+    def after(held, wanted, depth):
+        return float(pump.follow(held * one, wanted * one, 10.0 * one, 0.0, depth))
+
+    assert after(0.1, -0.3, 500.0) == pytest.approx(0.09)
+    assert after(0.1, -0.3, 50.0) == pytest.approx(0.08)
+    assert after(0.1, 0.6, 50.0) == pytest.approx(0.23)
+    assert after(0.1, 0.1015, 50.0) == 0.1
+    assert after(-0.649, -2.0, 0.0) == -0.649
+    assert after(0.1, 0.104, 50.0) == pytest.approx(0.104)
+
+
+def test_a_fin_turns_the_glider_to_its_side_and_costs_no_roll_of_the_mass():
+    plant = full_plant(load_vehicle("slocum-comet"))
+    state = GliderState.at_rest(pitch=-0.37, surge=0.28)
+    rate = plant.derivative(state, Command(0.2, 0.0, 0.2), zeros(BodyAxes))
+    still = plant.derivative(state, Command(0.2, 0.0, 0.0), zeros(BodyAxes))
+    yaw = float(rate.yaw_rate - still.yaw_rate)
+    # N = K_Nd d V^2 over the inertia about the vertical, sway and roll aside.
+    assert yaw == pytest.approx(2.8 * 0.2 * 0.28**2 / 19.0, rel=0.1)
+    assert float(rate.sway) < float(still.sway)
+    assert float(rate.pitch_rate) == pytest.approx(float(still.pitch_rate))
+
+
+def test_records_of_every_nth_tick_are_those_ticks_and_metrics_are_of_all(
+    slocum, shallow
+):
+    sea = slocum.scenario.sea(jax.random.key(0))
+    run = jax.jit(lambda loop: simulate(loop, sea, keep_every=27))(slocum)
+    every = jax.tree.map(lambda x: np.asarray(x)[::27], shallow.ticks)
+    for a, b in zip(
+        jax.tree.leaves((run.ticks, run.metrics)),
+        jax.tree.leaves((every, shallow.metrics)),
+        strict=True,
+    ):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
+    with pytest.raises(ValueError, match="keep_every must divide the 1350 ticks"):
+        simulate(slocum, sea, keep_every=7)
 
 
 def test_missions_are_listed_and_named(capsys):

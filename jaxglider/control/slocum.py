@@ -20,6 +20,7 @@ fin commands of a flight log to 5e-9 rad. Departures: corrections of the pitch c
 one period, not on a ladder of waiting times, and the memory is the shift itself.
 """
 
+import dataclasses
 import math
 from typing import Any
 
@@ -243,8 +244,11 @@ def trim_position(model: DesignModel, pitch: Scalar, buoyancy_mass: Scalar) -> S
         alpha = jnp.clip(alpha, -0.2, 0.2)
     squared = -buoyancy_mass * c.gravity * jnp.sin(steep - alpha) / c.drag
     speed = square_root(jnp.maximum(squared, 0.0))
-    state = GliderState.at_rest(
-        pitch=pitch, surge=speed * jnp.cos(alpha), heave=speed * jnp.sin(alpha)
+    state = dataclasses.replace(
+        zeros(GliderState, pitch),
+        pitch=pitch,
+        surge=speed * jnp.cos(alpha),
+        heave=speed * jnp.sin(alpha),
     )
     attitude = state.attitude()
     still = zeros(Command, pitch)
