@@ -287,7 +287,7 @@ def autopilot(loop: ClosedLoop, guard: Guard | None = None) -> Autopilot:
         ValueError: where the loop starts or is to go is not believed by the guard.
     """
     scenario, guard = loop.scenario, Guard() if guard is None else guard
-    guard = guard.for_ticks(float(scenario.clock.dt))
+    guard = guard.for_ticks(scenario.clock.dt)
     _refuse_disbelieved(loop, guard)
     return Autopilot(
         controller=loop.controller,
