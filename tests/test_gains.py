@@ -139,7 +139,9 @@ def test_a_file_that_says_nothing_of_steering_means_inversion_on_every_plant():
     model = paper.design_model(paper.make_scenario("switching", "rigid-body").plant)
     begins = paper.make_controller("fxtppc", "switching", model)
     assert isinstance(begins.steering, BankSteering)
-    older = {"controller": {"type": "fxtppc"}}
+    first = decode_gains({"controller": {"type": "fxtppc"}}, "switching", model)
+    assert eqx.tree_equal(first.controller, begins)
+    older = {"controller": {"type": "fxtppc", "gains": {"depth": {"k1": 0.002}}}}
     law = decode_gains(older, "switching", model).controller
     assert isinstance(law.steering, Inversion)
     assert law.hedging is None

@@ -173,8 +173,8 @@ def decode_gains(
     top = TomlTable(data, "")
     controller_table = TomlTable(top.get("controller"), "controller")
     kind, text = kind_of(controller_table)
-    # Files from before there was a choice say nothing of steering, and mean inversion.
-    older = INVERSION if "steering" not in data["controller"] else None
+    # Numbers from before there was a choice say nothing of steering: inversion.
+    older = INVERSION if _is_older(data["controller"]) else None
     law = first_gains(kind, scenario, model, funnel, text, older)
     controller = decode(law.controller, controller_table.rest(), "controller")
     observer = decode_observer(top.get("observer", {}), law.observer, model)
@@ -185,6 +185,11 @@ def decode_gains(
     choice(str(top.get("format", 1)), {"1": 1}, "format")
     top.close()
     return LoadedGains(kind, controller, observer, guidance)
+
+
+def _is_older(controller: dict[str, Any]) -> bool:
+    """Whether a table has numbers of a law but no steering."""
+    return "steering" not in controller and bool(set(controller) - {"type"})
 
 
 def decode_observer(table: Any, default: Any, model: DesignModel) -> Any:

@@ -13,6 +13,7 @@ from jaxglider.paper.cases import reference as reference
 from jaxglider.paper.cases import specification as specification
 from jaxglider.paper.cases import vertical_schedule as vertical_schedule
 from jaxglider.paper.laws import CONTROLLERS as CONTROLLERS
+from jaxglider.paper.laws import INVERSION as INVERSION
 from jaxglider.paper.laws import ROLL_AWARE as ROLL_AWARE
 from jaxglider.paper.laws import SCENARIOS as SCENARIOS
 from jaxglider.paper.laws import fixed_time_observer as fixed_time_observer

@@ -111,20 +111,28 @@ def _ppc(scenario: str, model: DesignModel, steering: AbstractSteering) -> PPC:
 
 
 def _fxtppc(scenario: str, model: DesignModel, steering: AbstractSteering) -> FxTPPC:
-    by_bank = isinstance(steering, BankSteering)
-    heading = ChannelGains(0.001, 0.08)
+    if isinstance(steering, BankSteering):
+        # Softer about zero by a larger mu: for actuators that cannot chatter along.
+        gains = Channels(
+            ChannelGains(0.0005, 0.05, mu=4.0),
+            ChannelGains(0.005, 0.1, mu=4.0),
+            ChannelGains(0.001, 0.0605, mu=5.0),
+        )
+        hedging = 0.8
+    else:
+        gains = Channels(
+            ChannelGains(0.001, 0.01),
+            ChannelGains(0.01, 0.2),
+            ChannelGains(0.001, 0.08),
+        )
+        hedging = None
     return FxTPPC(
         model,
         funnel(scenario),
-        Channels(
-            ChannelGains(0.001, 0.01),
-            ChannelGains(0.01, 0.2),
-            # A mu of 8 keeps the surface from chattering about zero.
-            ChannelGains(0.0005, 0.045, mu=8.0) if by_bank else heading,
-        ),
+        gains,
         exponents=paper_exponents,
         steering=steering,
-        hedging=0.8 if by_bank else None,
+        hedging=hedging,
     )
 
 
@@ -161,8 +169,8 @@ def make_controller(
 ) -> AbstractController:
     """A law with the gains it begins with: the paper's where it inverts.
 
-    A law that steers by bank has the paper's gains too but for the heading, where those
-    for an inversion mean nothing.
+    A law that steers by bank has gains of its own for the heading, where the paper's
+    mean nothing, and FxTPPC softer ones for all channels.
 
     Args:
         name: name of the law in the catalogue; `fxtppc-roll` has those of `fxtppc`, and

@@ -1,10 +1,11 @@
 """The paper's measures of control performance, from running sums.
 
 Per channel, over the active time T_f: max |e|, √(1/T_f ∫ e² dt), √(1/T_f ∫ u² dt),
-chattering √(mean (U_j − U_{j−1})²) with j from the second command on, and the share of
-time outside the funnel. Commands are the applied ones; depth goes with the buoyancy
-mass, pitch with the position of the moving mass, heading with its angle. max |e| is
-also given over t* > T alone, where the funnel has reached its final bound.
+chattering √(mean (U_j − U_{j−1})²) with j from the second command on, the way that the
+actuator goes, and the share of time outside the funnel. Commands are the applied ones;
+depth goes with the buoyancy mass, pitch with the position of the moving mass, heading
+with its angle. max |e| is also given over t* > T alone, where the funnel has reached
+its final bound.
 """
 
 import dataclasses
@@ -31,6 +32,7 @@ class ChannelSums(eqx.Module):
     error_squared: Scalar
     effort_squared: Scalar
     change_squared: Scalar
+    travel: Scalar
     max_error: Scalar
     max_error_settled: Scalar
     outside: Scalar
@@ -58,6 +60,7 @@ class ChannelMetrics(eqx.Module):
         rms_error: L2[e] [m or rad].
         rms_effort: L2[U], applied [kg, m or rad].
         chattering: L2[ΔU], applied, per tick [kg, m or rad].
+        travel: way of the actuator over the whole run, Σ |ΔU| applied [kg, m or rad].
         time_outside_funnel: share of the active time.
         time_saturated: share of the active time with the actuator short of the command.
         funnel_peak: largest error over the edge of the funnel that it nears: above 1
@@ -74,6 +77,7 @@ class ChannelMetrics(eqx.Module):
     rms_error: Scalar
     rms_effort: Scalar
     chattering: Scalar
+    travel: Scalar
     time_outside_funnel: Scalar
     time_saturated: Scalar
     funnel_peak: Scalar
@@ -112,7 +116,7 @@ class Metrics(eqx.Module):
 def empty_sums(like: Scalar) -> Sums:
     """Sums before the first tick, in the precision of `like`."""
     zero = jnp.zeros_like(like)
-    empty = ChannelSums(*(zero,) * 10)
+    empty = ChannelSums(*(zero,) * 11)
     empty = dataclasses.replace(empty, max_error_settled=zero - 1.0)
     return Sums(
         ticks=zero,
@@ -165,6 +169,7 @@ def add_tick(
             error_squared=s.error_squared + e * e,
             effort_squared=s.effort_squared + u * u,
             change_squared=s.change_squared + jnp.where(first, 0.0, u - h) ** 2,
+            travel=s.travel + jnp.abs(u - h),
             max_error=jnp.maximum(s.max_error, size),
             max_error_settled=jnp.maximum(
                 s.max_error_settled, jnp.where(b.settled, size, -1.0)
@@ -227,6 +232,7 @@ def finish(
             rms_error=square_root(s.error_squared / n),
             rms_effort=square_root(s.effort_squared / n),
             chattering=square_root(s.change_squared / n),
+            travel=s.travel,
             time_outside_funnel=s.outside / n,
             time_saturated=s.saturated / n,
             funnel_peak=s.peak,

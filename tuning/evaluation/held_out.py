@@ -18,7 +18,12 @@ from tuning.reporting.ledger import Entry, ledger, with_smoothing
 from tuning.reporting.statistics import student_half_width
 from tuning.reporting.violations import broken, violations
 
-MEASURES = {"rms_error": "L2[e]", "rms_effort": "L2[U]", "chattering": "L2[dU]"}
+MEASURES = {
+    "rms_error": "L2[e]",
+    "rms_effort": "L2[U]",
+    "chattering": "L2[dU]",
+    "travel": "travel",
+}
 """Measures of a channel that are compared, and their symbols."""
 
 

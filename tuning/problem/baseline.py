@@ -73,6 +73,7 @@ def comparable(baseline: Metrics, loop: ClosedLoop) -> Metrics:
             **dict.fromkeys(("max_error", "max_error_settled", "rms_error"), edge),
             "rms_effort": limit,
             "chattering": 0.01 * limit,
+            "travel": limit,
         }
         values = {
             name: jnp.where(getattr(of, name) < NEGLIGIBLE * scale, scale, value)

@@ -34,6 +34,7 @@ class Weights:
         tracking: L2[e] over its start, each channel.
         effort: L2[U] over its start, each channel.
         chattering: L2[ΔU] over its start, each channel.
+        travel: way of the actuator over its start, each channel.
         crowding: share of the time at the edge of its funnel or beyond, smooth.
         roll: max(max |φ| − roll_limit, 0)² [rad²].
         roll_limit: largest roll that costs nothing [rad].
@@ -48,6 +49,7 @@ class Weights:
     tracking: float | tuple[float, ...] = 1.0
     effort: float | tuple[float, ...] = 0.0
     chattering: float | tuple[float, ...] = 0.0
+    travel: float | tuple[float, ...] = 0.0
     crowding: float | tuple[float, ...] = 0.0
     roll: float = 0.0
     roll_limit: float = 1.5
@@ -85,6 +87,7 @@ TERMS = {
     "tracking": ("rms_error", True),
     "effort": ("rms_effort", True),
     "chattering": ("chattering", True),
+    "travel": ("travel", True),
     "crowding": ("funnel_crowding", False),
     "saturation": ("saturation_excess", False),
 }
@@ -156,8 +159,8 @@ class Objective(eqx.Module):
                     "constant to it."
                 )
             return value
-        kinds = ("tracking",), ("effort", "chattering"), ("crowding", "saturation")
-        for names in kinds:
+        commands = ("effort", "chattering", "travel")
+        for names in (("tracking",), commands, ("crowding", "saturation")):
             total = sum(sum(by_channel(getattr(self.weights, n))) for n in names)
             if total > 0.0:
                 return total

@@ -20,6 +20,7 @@ _PAPER_ROWS = {
 }
 _OWN_ROWS = {
     "max_error_settled": ("max_error_settled", "max error settled"),
+    "travel": ("travel", "travel"),
     "time_outside_funnel": ("time_outside_funnel", "time outside funnel"),
     "time_saturated": ("time_saturated", "time saturated"),
 }
@@ -29,6 +30,7 @@ _COLUMNS = {
     "rms_error": "L2[e]",
     "rms_effort": "L2[U]",
     "chattering": "chatter",
+    "travel": "travel",
     "time_outside_funnel": "outside",
 }
 

@@ -25,6 +25,7 @@ MEASURES = (
             "rms_error",
             "rms_effort",
             "chattering",
+            "travel",
             "time_outside_funnel",
             "time_saturated",
             "funnel_peak",

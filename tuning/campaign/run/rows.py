@@ -130,7 +130,7 @@ def unit(column: str) -> str:
         return FLIGHT_UNITS.get(name, "1").replace("_", "/")
     if measure in ("max_error", "max_error_settled", "rms_error"):
         return CHANNEL_UNITS[channel]
-    if measure in ("rms_effort", "chattering"):
+    if measure in ("rms_effort", "chattering", "travel"):
         return _EFFORTS[channel]
     for axis in AXES:
         if column.endswith(f"_{axis}"):

@@ -26,8 +26,8 @@ from tuning.space.space import HELD_BY_DEFAULT
 
 DEFAULT_CONTROLLER = {
     "printed": "fxtppc",
-    "rigid-body": "fxtppc-roll",
-    "seawing": "fxtppc-roll",
+    "rigid-body": "fxtppc",
+    "seawing": "fxtppc",
 }
 """Controller by plant where neither option nor file names one; the printed glider
 rolls away from its mass, and needs no more than the paper's law."""

@@ -1,0 +1,234 @@
+"""The closed loop linearised about the straight glides that a task asks for.
+
+A second of ticks maps the state of everything that remembers (glider, actuators,
+law and observer) to the next. Around a steady glide in calm water this map's derivative
+has eigenvalues μ, and the loop moves with the rates s = ln μ/(1 s): it is stable where
+all real parts are negative. Where the glider is, and how far the ramp of the depth has
+come, counts for nothing.
+"""
+
+import dataclasses
+import math
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from jaxglider.environment.disturbances import Calm
+from jaxglider.guidance import AttitudeSchedule, Schedule
+from jaxglider.signals import BodyAxes, zeros
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.scenario import Clock
+from jaxglider.simulation.tick import Carry, TickInput
+from jaxglider.trim.steady_motion import Target, steady_motion
+
+SETTLING = 120.0
+"""Time that law and observer are given to come to rest on the glide [s]."""
+DEEP = 500.0
+"""Depth that the glide begins at [m], far from surface and bottom."""
+_NEUTRAL, _DEAD, _SMALL = 1e-6, 1e-6, 1e-2
+"""Modulus of a rate [1/s] that counts as none, as the place of the glider has; factor
+of a motion that has died; and size of a number that a difference is relative to."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Glide:
+    """A straight glide.
+
+    Attributes:
+        angle: ξ [rad], negative for a dive.
+        depth_rate: Ż [m/s], positive for a dive.
+    """
+
+    angle: float
+    depth_rate: float
+
+    @property
+    def speed(self) -> float:
+        """Speed along the path [m/s]."""
+        return abs(self.depth_rate / math.sin(self.angle))
+
+    def mirrored(self) -> "Glide":
+        """The climb that belongs to a dive, and the other way round."""
+        return Glide(-self.angle, -self.depth_rate)
+
+    def text(self) -> str:
+        """The glide in words."""
+        word = "dive" if self.angle < 0.0 else "climb"
+        return (
+            f"{word} at {abs(math.degrees(self.angle)):.3g} deg, {self.speed:.3g} m/s"
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class LoopModes:
+    """Natural motions of a closed loop on a glide.
+
+    Attributes:
+        glide: straight glide that they are about.
+        rates: rates s [1/s], the slowest to decay first; of a pair, the one with the
+            positive imaginary part.
+    """
+
+    glide: Glide
+    rates: tuple[complex, ...]
+
+    @property
+    def growth(self) -> float:
+        """Largest real part [1/s]: negative if the loop is stable."""
+        return self.rates[0].real
+
+    @property
+    def stable(self) -> bool:
+        """Whether every motion decays."""
+        return self.growth < 0.0
+
+    def text(self) -> str:
+        """A line that says what the glide is and how the loop behaves on it."""
+        first = self.rates[0]
+        period = ""
+        if abs(first.imag) > 0.0:
+            period = f" while it swings with {2 * math.pi / abs(first.imag):.3g} s"
+        word = "decays" if self.stable else "GROWS"
+        if first.real == 0.0 or not math.isfinite(first.real):
+            return f"{self.glide.text()}: no verdict"
+        return (
+            f"{self.glide.text()}: the slowest motion {word} e-fold in "
+            f"{1.0 / abs(first.real):.3g} s{period}"
+        )
+
+
+def glides_of(loop: ClosedLoop) -> tuple[Glide, ...]:
+    """The straight glides of a loop's task, each as a dive and as a climb.
+
+    Args:
+        loop: closed loop; a reference without gliding angles has none.
+    """
+    reference = loop.scenario.reference
+    schedule = getattr(reference, "schedule", getattr(reference, "vertical", None))
+    if not isinstance(schedule, Schedule):
+        return ()
+    flown = {
+        Glide(round(float(angle), 9), float(rate))
+        for angle, rate in zip(schedule.gliding_angle, schedule.depth_rate, strict=True)
+        if float(angle) * float(rate) < 0.0
+    }
+    both = flown | {glide.mirrored() for glide in flown}
+    return tuple(sorted(both, key=lambda glide: glide.angle))
+
+
+def loop_modes(loop: ClosedLoop, glides: tuple[Glide, ...]) -> list[LoopModes]:
+    """The natural motions of a closed loop on each of some glides.
+
+    By central differences of the map over a second: one program without a derivative.
+    In double precision rates are right to 1e-6 1/s and better, in single to 1e-3.
+
+    Args:
+        loop: closed loop in any task; it is put on the glides in calm water.
+        glides: straight glides.
+    """
+    if not glides:
+        return []
+    clock = loop.scenario.clock
+    dt = float(clock.dt)
+    # Of one tick, so that its length is no part of the program.
+    scenario = dataclasses.replace(
+        loop.scenario, clock=Clock(1, clock.dt, clock.substeps)
+    )
+    loop = dataclasses.replace(loop, scenario=scenario)
+    settling, second = round(SETTLING / dt), max(round(1.0 / dt), 1)
+    modes = []
+    for glide in glides:
+        still = _on_glide(loop, glide)
+        derivative = _derivative(still, settling, second)
+        modes.append(LoopModes(glide, _rates(derivative, second * dt)))
+    return modes
+
+
+def _rates(derivative: np.ndarray, span: float) -> tuple[complex, ...]:
+    """The rates of a map over a span [s] whose derivative is known."""
+    if not np.all(np.isfinite(derivative)):
+        return (complex(math.nan),)
+    factors = np.linalg.eigvals(derivative)
+    # What has died within the span has no rate that could be told.
+    rates = np.log(factors[np.abs(factors) > _DEAD].astype(complex)) / span
+    moving = rates[(np.abs(rates) > _NEUTRAL) & (rates.imag >= 0.0)]
+    return tuple(complex(rate) for rate in sorted(moving, key=lambda s: -s.real))
+
+
+def _on_glide(loop: ClosedLoop, glide: Glide) -> ClosedLoop:
+    """The same law on one straight glide in calm water, begun at its trim."""
+    angle, rate, speed = (
+        jnp.asarray(x) for x in (glide.angle, glide.depth_rate, glide.speed)
+    )
+    wanted = Target(speed=speed, glide_angle=angle, turn_rate=0.0 * angle)
+    trim = _steady_motion(loop.scenario.plant, wanted).state
+    schedule = Schedule(
+        start=jnp.zeros(1),
+        gliding_angle=angle[None],
+        heading=jnp.zeros(1),
+        depth_rate=rate[None],
+        initial_depth=jnp.asarray(DEEP),
+    )
+    scenario = dataclasses.replace(
+        loop.scenario,
+        reference=AttitudeSchedule(schedule),
+        disturbance=Calm(),
+        initial_state=dataclasses.replace(trim, depth=trim.depth + DEEP),
+        sensors=None,
+        water=None,
+    )
+    return dataclasses.replace(loop, scenario=scenario)
+
+
+_steady_motion = eqx.filter_jit(steady_motion)
+
+
+def _derivative(
+    loop: ClosedLoop, settling: int, second: int
+) -> Float[np.ndarray, "m m"]:
+    """The derivative of the map over `second` ticks, once at rest after `settling`."""
+    flat, _ = ravel_pytree(_memory(loop.init()))
+    size = flat.size
+    step = np.finfo(flat.dtype).eps ** (1.0 / 3.0)
+    rows = jnp.broadcast_to(flat, (2 * size, size))
+    middle = np.asarray(_advanced(loop, rows, 0, settling)[0], np.float64)
+    steps = step * np.maximum(np.abs(middle), _SMALL)
+    ends = np.concatenate([middle + np.diag(steps), middle - np.diag(steps)])
+    moved = _advanced(loop, jnp.asarray(ends, flat.dtype), settling, second)
+    ahead, behind = np.split(np.asarray(moved, np.float64), 2)
+    return ((ahead - behind) / (2.0 * steps[:, None])).T
+
+
+@eqx.filter_jit
+def _advanced(
+    loop: ClosedLoop,
+    rows: Float[Array, "k m"],
+    first: int | Array,
+    ticks: int | Array,
+) -> Float[Array, "k m"]:
+    """The memory of each row, some ticks after the `first`."""
+    begin = loop.init()
+    _, unflat = ravel_pytree(_memory(begin))
+    calm = zeros(BodyAxes, begin.state.surge)
+
+    def one(row: Array) -> Array:
+        def tick(number: Array, memory: Any) -> Any:
+            now = (first + number) * loop.scenario.clock.dt
+            plan = loop.plan(now[None], jax.tree.map(lambda x: x[None], calm), None)
+            inputs = TickInput(jax.tree.map(lambda x: x[0], plan), calm, None)
+            names = ("state", "held", "controller", "observer")
+            carry = dataclasses.replace(begin, **dict(zip(names, memory, strict=True)))
+            return _memory(loop.tick(carry, inputs)[0])
+
+        return ravel_pytree(jax.lax.fori_loop(0, ticks, tick, unflat(row)))[0]
+
+    return jax.vmap(one)(rows)
+
+
+def _memory(carry: Carry) -> tuple[Any, ...]:
+    return carry.state, carry.held, carry.controller, carry.observer

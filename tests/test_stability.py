@@ -1,0 +1,98 @@
+"""Natural motions of the closed loop: those of the glider where nothing steers it."""
+
+import dataclasses
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxglider import NoObserver, paper
+from jaxglider.control import AbstractController, ControlRecord
+from jaxglider.control.controller import tracking_error
+from jaxglider.signals import Command
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.stability import Glide, LoopModes, glides_of, loop_modes
+from jaxglider.trim.linear_model import linearise
+from jaxglider.trim.steady_motion import Target, steady_motion
+
+DIVE = Glide(-math.pi / 4, 0.1)
+
+
+class Held(AbstractController):
+    """A law that always asks for one command.
+
+    Attributes:
+        command: command of every tick.
+    """
+
+    command: Command
+    model = None
+    funnel = None
+
+    def init(self):
+        """No state."""
+        return None
+
+    def step(self, state, measurement, reference, bounds, dt):
+        """The command."""
+        error, _ = tracking_error(measurement, reference)
+        return self.command, state, ControlRecord(error, error)
+
+
+def test_without_a_law_they_are_the_modes_of_the_trimmed_glider():
+    scenario = paper.make_scenario("switching", "rigid-body", actuators="ideal")
+    wanted = Target(speed=DIVE.speed, glide_angle=DIVE.angle, turn_rate=0.0)
+    motion = jax.jit(steady_motion)(scenario.plant, wanted)
+    a, _ = linearise(scenario.plant, motion)
+    expected = [s for s in np.linalg.eigvals(np.asarray(a)) if abs(s) > 1e-6]
+    held = Held(Command(*(x + 0.0 for x in vars(motion.command).values())))
+    loop = ClosedLoop(scenario, held, NoObserver())
+    (modes,) = loop_modes(loop, (DIVE,))
+    rates = [s for s in expected if s.imag >= 0.0]
+    rates.sort(key=lambda s: -s.real)
+    np.testing.assert_allclose(modes.rates, rates, rtol=1e-4)
+    assert modes.stable == (rates[0].real < 0.0)
+
+
+def test_inversion_loses_the_climb_that_steering_by_bank_holds():
+    glide = Glide(math.radians(26.0), -0.1)
+    scenario = paper.make_scenario("switching", "rigid-body")
+    model = paper.design_model(scenario.plant)
+    by_bank = paper.make_law("smc", "switching", model).on(scenario)
+    (held,) = loop_modes(by_bank, (glide,))
+    assert held.stable
+    (lost,) = loop_modes(
+        paper.make_law("smc", "switching", model, paper.INVERSION).on(scenario),
+        (glide,),
+    )
+    # The zero of the climbing glider, which an inverse turns into a pole.
+    assert lost.growth == pytest.approx(0.093, rel=0.1)
+
+
+def test_glides_are_those_of_the_schedule_in_both_directions():
+    loop = paper.make_loop("waypoints", "printed", "smc")
+    angles = [round(math.degrees(glide.angle)) for glide in glides_of(loop)]
+    assert angles == [-60, -45, 45, 60]
+    assert all(glide.angle * glide.depth_rate < 0.0 for glide in glides_of(loop))
+    assert DIVE.mirrored() == Glide(math.pi / 4, -0.1)
+    flat = dataclasses.replace(
+        paper.attitude_schedule(), gliding_angle=jnp.zeros(4), depth_rate=jnp.zeros(4)
+    )
+    reference = dataclasses.replace(paper.reference("switching"), schedule=flat)
+    scenario = dataclasses.replace(loop.scenario, reference=reference)
+    assert glides_of(dataclasses.replace(loop, scenario=scenario)) == ()
+
+
+def test_a_motion_is_told_by_its_time_and_its_period():
+    decaying = LoopModes(DIVE, (complex(-0.01, 0.1), complex(-1.0, 0.0)))
+    assert decaying.stable
+    assert decaying.text() == (
+        "dive at 45 deg, 0.141 m/s: the slowest motion decays e-fold in 100 s while it "
+        "swings with 62.8 s"
+    )
+    growing = LoopModes(DIVE, (complex(0.02, 0.0),))
+    assert not growing.stable
+    assert "GROWS e-fold in 50 s" in growing.text()
+    assert "no verdict" in LoopModes(DIVE, (complex(math.nan),)).text()
