@@ -52,7 +52,7 @@ ROOMS = (
     "tuning.__main__",
 )
 """The rooms of the house, each a folder or a module of its own, from the ground up."""
-MOST_IN_A_FOLDER, MOST_LOOSE = 15, 3
+MOST_IN_A_FOLDER, MOST_LOOSE = 16, 3
 
 
 def room(module):

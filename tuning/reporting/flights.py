@@ -55,7 +55,7 @@ def markdown_flight(run: dict[str, Any]) -> list[str]:
 
 
 def _mission(run: dict[str, Any]) -> list[str]:
-    f = run["flight"]
+    f = _numbers(run["flight"])
     energy = ", ".join(f"{name} {f['energy_J'][name]:.0f}" for name in _CONSUMERS)
     moves, travel = f["moves"], f["travel"]
     lines = [
@@ -76,6 +76,16 @@ def _mission(run: dict[str, Any]) -> list[str]:
             f"{_figure(f['energy_per_through_water_J_m'], 2)} through the water",
         )
     return lines
+
+
+def _numbers(table: dict[str, Any]) -> dict[str, Any]:
+    """The table with NaN for None, which stands for what a failed run has lost."""
+    return {
+        key: _numbers(value)
+        if isinstance(value, dict)
+        else (math.nan if value is None else value)
+        for key, value in table.items()
+    }
 
 
 def _rows(halves: Sequence[dict[str, Any]]) -> list[tuple[str, list[str]]]:
