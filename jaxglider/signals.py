@@ -162,6 +162,27 @@ COMMAND_UNITS = {"buoyancy_mass": "kg", "mass_position": "m", "mass_angle": "rad
 """SI unit of each command, by the fields of `Command`."""
 
 
+class Orders(eqx.Module):
+    """Orders of a plan that sets the ballast itself: what a law is not asked for.
+
+    Attributes:
+        buoyancy_mass: m_b that the pump is to reach [kg], whatever the law wants.
+        settled_mass: m_b that the half which has begun will be flown with [kg]; another
+            one than that at an inflection where the pump waits.
+        mass_held: flag, the moving mass stays where it is for now.
+        phase: number of the phase of the yo, an index of `guidance.phases.PHASES`.
+        status: end of the mission, an index of `guidance.phases.STATUSES`.
+        steering: mass or fin angle ordered in place of the law's [rad], or None.
+    """
+
+    buoyancy_mass: Scalar
+    settled_mass: Scalar
+    mass_held: jax.Array
+    phase: jax.Array
+    status: jax.Array
+    steering: Scalar | None = None
+
+
 class Reference(eqx.Module):
     """Wanted outputs of the glider at one instant.
 
@@ -172,6 +193,8 @@ class Reference(eqx.Module):
         clock: t* [s], time since the performance funnel was last restarted.
         target: number of the waypoint or schedule segment being followed.
         finished: the mission is over.
+        orders: ballast and other orders beside the outputs; None where depth is tracked
+            with the pump, as in the paper.
     """
 
     position: Channels[Scalar]
@@ -180,6 +203,7 @@ class Reference(eqx.Module):
     clock: Scalar
     target: jax.Array
     finished: jax.Array
+    orders: Orders | None = None
 
 
 class Measurement(eqx.Module):
@@ -190,12 +214,19 @@ class Measurement(eqx.Module):
         attitude: sines and cosines of its Euler angles.
         applied: command held by the actuators at the end of the previous tick.
         disturbance: d̂, the observer's estimate so far; force [N] and moment [N m].
+        altitude: height over the bottom [m], or None without a bottom.
+        charge: energy left in the battery [J], or None where nothing counts it.
+        buoyancy_mass: ballast that the plan has ordered [kg], or None where the law
+            pumps as it likes.
     """
 
     state: GliderState
     attitude: frames.Attitude
     applied: Command[Scalar]
     disturbance: BodyAxes[Scalar]
+    altitude: Scalar | None = None
+    charge: Scalar | None = None
+    buoyancy_mass: Scalar | None = None
 
 
 def map_fields(function: Callable[..., Any], first: Any, *rest: Any) -> Any:

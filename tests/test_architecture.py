@@ -27,6 +27,7 @@ ROOMS = (
     "jaxglider.onboard",
     "jaxglider.paper.tuned",
     "jaxglider.paper",
+    "jaxglider.files.flight",
     "jaxglider.files",
     "jaxglider.plotting",
     "jaxglider.export.c",
@@ -51,7 +52,7 @@ ROOMS = (
     "tuning.__main__",
 )
 """The rooms of the house, each a folder or a module of its own, from the ground up."""
-MOST_IN_A_FOLDER, MOST_LOOSE = 13, 3
+MOST_IN_A_FOLDER, MOST_LOOSE = 16, 3
 
 
 def room(module):

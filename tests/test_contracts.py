@@ -43,7 +43,10 @@ from jaxglider.guidance import (
     LineOfSight,
     Schedule,
     WaypointPath,
+    Yo,
 )
+from jaxglider.guidance.phases import HalfYo
+from jaxglider.guidance.settings import YoSettings
 from jaxglider.signals import (
     BodyAxes,
     Channels,
@@ -54,6 +57,7 @@ from jaxglider.signals import (
     zeros,
 )
 from jaxglider.vehicle.actuators import Actuator, Failure
+from jaxglider.vehicle.energy import Pump
 from jaxglider.vehicle.full_plant import full_plant
 from jaxglider.vehicle.plant import AbstractPlant, printed_plant, rigid_body_plant
 from jaxglider.vehicle.published import load_vehicle
@@ -300,6 +304,12 @@ def failure():
     return Failure(weak_from=0.0, effectiveness=0.5)
 
 
+def yo():
+    halves = HalfYo(-0.4, 0.2, depth_rate=0.1), HalfYo(0.4, -0.2, of_path=True)
+    settings = YoSettings(*halves, bottom=40.0, yos=2, duration=900.0)
+    return Yo(AttitudeSchedule(schedule()), settings)
+
+
 def schedule():
     return Schedule([0.0, 10.0], [-0.7, -1.0], [0.5, 0.0], [0.1, 0.2])
 
@@ -322,6 +332,9 @@ REGISTRY = {
     "actuator/saturated": lambda: actuator(Actuator(0.4)),
     "actuator/rate-limited": lambda: actuator(rate_limited()),
     "actuator/failing": lambda: actuator(Actuator(0.4, failure=failure())),
+    "actuator/pump": lambda: actuator(Pump(0.4, None, None, None, 0.9, 0.5, 0.7)),
+    "plant/fin": lambda: plant(full_plant(load_vehicle("slocum-comet"))),
+    "reference/yo": lambda: reference(yo()),
     **{
         f"observer/{name}": lambda name=name: observer(paper.make_observer(name, MODEL))
         for name in OBSERVERS

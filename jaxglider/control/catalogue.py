@@ -17,6 +17,7 @@ from jaxglider.control.performance import (
     SechFunction,
 )
 from jaxglider.control.ppc import PPC
+from jaxglider.control.slocum import Slocum
 from jaxglider.control.smc import SMC
 from jaxglider.control.steering import AbstractSteering, BankSteering, Inversion
 
@@ -43,6 +44,7 @@ LAWS = (
     LawEntry("ppc", PPC, "PPC"),
     LawEntry("fxtppc", FxTPPC, "FxTPPC"),
     LawEntry("fxtppc-roll", RollAwareFxTPPC, "FxTPPC-roll"),
+    LawEntry("slocum", Slocum, "Slocum", observer="none"),
 )
 """All laws, the paper's three first."""
 

@@ -131,6 +131,8 @@ def allocate(
 ) -> Command[Scalar]:
     """The command for the output acceleration that a law asks for.
 
+    Where a plan has ordered the ballast, pitch and heading alone are solved for.
+
     Args:
         model: design model.
         measurement: measurement, which carries d̂.

@@ -108,9 +108,11 @@ class Inversion(AbstractSteering):
         demand: Channels[Scalar],
         damping: Command[Scalar],
     ) -> Command[Scalar]:
-        """U = g⁻¹(demand − f − h d̂)."""
+        """U = g⁻¹(demand − f − h d̂); without the depth where ballast is ordered."""
         push = map_fields(lambda d, f: d - f, demand, model.drift(measurement))
         push, gain = barrier((push, model.input_gain(measurement)))
+        if measurement.buoyancy_mass is not None:
+            return gain.solve_at(measurement.buoyancy_mass, push, damping)
         return gain.solve(push, damping)
 
     def shortfall(
@@ -186,13 +188,18 @@ class BankSteering(AbstractSteering):
         demand: Channels[Scalar],
         damping: Command[Scalar],
     ) -> Command[Scalar]:
-        """γ for the heading; m_b and r_p1 for depth and pitch with that γ."""
+        """γ for the heading; m_b and r_p1 for depth and pitch with that γ.
+
+        Where ballast is ordered, r_p1 is solved for the pitch alone.
+        """
         wanted = self._wanted_bank(turn_model(model, measurement), demand.heading)
         angle = self._mass_angle(
             model, measurement, saturate(wanted, self.largest_bank)
         )
         push = map_fields(lambda d, f: d - f, demand, model.drift(measurement))
         push, gain = barrier((push, model.input_gain(measurement)))
+        if measurement.buoyancy_mass is not None:
+            return gain.position_at(measurement.buoyancy_mass, push, damping, angle)
         return gain.solve_with_angle(push, damping, angle)
 
     def shortfall(

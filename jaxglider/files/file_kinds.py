@@ -9,10 +9,11 @@ _KEYS = {
     "gains": {"format", "controller", "observer", "guidance", "provenance"},
     "mission": _SHARED
     | {"name", "seed", "clock", "controller", "funnel", "observer", "reference"}
-    | {"water"},
+    | {"energy", "seabed", "water"},
     "objective": {"weights", "aggregate"},
     "uncertainty": _SHARED | {"failure", "sensors"},
-    "vehicle": {"name", "parameters", "limits", "body"},
+    "vehicle": {"name", "steering", "parameters", "limits", "body"}
+    | {"fin", "pump", "energy"},
 }
 """Keys at the top of each kind of file."""
 

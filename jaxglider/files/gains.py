@@ -18,7 +18,8 @@ from jaxglider.files.codec import decode, encode
 from jaxglider.files.file_kinds import refuse_other_kind
 from jaxglider.files.law_paths import found_from, is_own, seen_from
 from jaxglider.files.user_law import first_gains, source_of
-from jaxglider.guidance import LineOfSight, WaypointPath
+from jaxglider.guidance import LineOfSight
+from jaxglider.guidance.routes import route_of
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.gains import LoadedGains as LoadedGains
 from jaxglider.vehicle.design_model import DesignModel
@@ -32,8 +33,8 @@ def encode_law(loop: ClosedLoop, folder: str | Path | None = None) -> dict[str, 
         folder: folder that the file is for; a law of one's own is named by its path
             from there. By default its path stays as it is spelt.
     """
-    path = loop.scenario.reference
-    guidance = path.line_of_sight if isinstance(path, WaypointPath) else None
+    path = route_of(loop.scenario.reference)
+    guidance = None if path is None else path.line_of_sight
     tables = encode_gains(loop.controller, loop.observer, guidance)
     if folder is not None:
         controller = tables["controller"]

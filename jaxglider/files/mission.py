@@ -17,6 +17,7 @@ from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode
 from jaxglider.files.course_remarks import course_remarks
 from jaxglider.files.file_kinds import refuse_other_kind
+from jaxglider.files.flight.yo_tables import read_energy, read_seabed
 from jaxglider.files.gains import (
     decode_gains,
     decode_observer,
@@ -37,7 +38,7 @@ from jaxglider.files.mission_tables import (
     read_water,
 )
 from jaxglider.files.user_law import first_gains
-from jaxglider.guidance import WaypointPath
+from jaxglider.guidance.routes import route_of
 from jaxglider.signals import CHANNELS, Channels
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.gains import LoadedGains
@@ -142,7 +143,8 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     except ValueError as error:
         raise ConfigError(f"vehicle.design_factor: {error}") from error
     task = top.table("reference")
-    case = paper_case(task.text("type", "schedule") == "waypoints")
+    yo_route = task.get("type", "") == "yo" and task.get("waypoints", None) is not None
+    case = paper_case(task.text("type", "schedule") == "waypoints" or yo_route)
     prescribed = _specification(top, case, plant)
     law = _law(top.get("controller", {}), model, case, prescribed.funnel, folder)
     start = top.table("initial_state")
@@ -154,21 +156,31 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
             top.table("actuators"), vehicle, paper.default_actuators(plant_name)
         ),
         read_disturbance(top.tables("disturbance")),
-        read_reference(task, law.guidance or paper.guidance(), origin),
+        read_reference(
+            task, law.guidance or paper.guidance(), origin, vehicle.fin is None
+        ),
         read_initial_state(start, origin),
     )
     water = read_water(top.table("water"), vehicle)
+    bottom = top.get("seabed", None)
+    seabed = read_seabed(None if bottom is None else top.table("seabed"))
+    energy = read_energy(top.table("energy"), vehicle.energy)
     try:
         scenario = Scenario(
-            *parts, specification=prescribed, water=water, origin=origin
+            *parts,
+            specification=prescribed,
+            origin=origin,
+            water=water,
+            seabed=seabed,
+            energy=energy,
         )
     except ValueError as error:
         raise ConfigError(str(error)) from error
     table = top.table("observer")
     observer = decode_observer(table.rest(), law.observer, model)
     top.close()
-    path = scenario.reference
-    guidance = path.line_of_sight if isinstance(path, WaypointPath) else None
+    path = route_of(scenario.reference)
+    guidance = None if path is None else path.line_of_sight
     law = law._replace(observer=observer, guidance=guidance)
     loop, remarks = law.on(scenario), course_remarks(data)
     return Mission(name, loop, seed, law, model, plant_name, remarks, _stand_ins(data))
@@ -177,7 +189,8 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
 def _stand_ins(data: dict[str, Any]) -> str:
     """A sentence on the paper's part in a mission whose tables have been read."""
     missing = [name for name in _OF_THE_PAPER if "." not in name and name not in data]
-    if "schedule" not in data.get("reference", {"schedule": None}):
+    reference = data.get("reference", {"schedule": None})
+    if "schedule" not in reference and reference.get("type") != "yo":
         missing.append("reference.schedule")
     plant = data.get("vehicle", {}).get("plant", "printed")
     rates = ""

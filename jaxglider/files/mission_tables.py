@@ -29,6 +29,12 @@ from jaxglider.environment.disturbances import (
     Sum,
 )
 from jaxglider.environment.water import Current, Stratification, Water
+from jaxglider.files.flight.yo_tables import (
+    read_course,
+    read_pump,
+    read_sampled_clock,
+    read_yo,
+)
 from jaxglider.guidance import (
     AbstractReference,
     AttitudeSchedule,
@@ -102,7 +108,10 @@ def _published(table: TomlTable, folder: Path) -> VehicleData:
 
 def read_clock(table: TomlTable) -> Clock:
     """Tick and horizon."""
-    duration, dt = table.number("duration_s", 800.0), table.number("dt_s", 0.05)
+    duration = table.number("duration_s", 800.0)
+    if table.get("period_s", None) is not None:
+        return read_sampled_clock(table, duration)
+    dt = table.number("dt_s", 0.05)
     substeps = table.whole("substeps", 1)
     table.close()
     return _built(Clock.lasting, "clock", duration, dt, substeps)
@@ -134,6 +143,9 @@ def read_actuators(
             usual.rate_limit if rate is None else one.number(f"rate_limit_{unit}_s"),
             None if lag is None else one.number("time_constant_s"),
         )
+        if kind == "vehicle" and name == "buoyancy_mass" and rate is lag is None:
+            limit = float(actuators[name].limit)
+            actuators[name] = read_pump(one, limit, vehicle.pump) or actuators[name]
         one.close()
     table.close()
     return Command(**actuators)
@@ -261,17 +273,28 @@ STRATIFICATION_KEYS = (
 
 
 def read_reference(
-    table: TomlTable, guidance: LineOfSight, origin: Origin
+    table: TomlTable, guidance: LineOfSight, origin: Origin, turns_mass: bool = True
 ) -> AbstractReference:
-    """The task: a schedule or a waypoint path.
+    """The task: a schedule, a waypoint path, or yos.
 
     Args:
         table: table of the file.
         guidance: gains of a path that gives none of its own.
         origin: place that its positions will count from.
+        turns_mass: flag, the vehicle steers by its moving mass, not by a fin.
     """
     kind = table.text("type", "schedule")
-    choice(kind, {"schedule": 0, "waypoints": 0}, table.where("type"))
+    choice(kind, {"schedule": 0, "waypoints": 0, "yo": 0}, table.where("type"))
+    if kind == "yo":
+        if table.get("waypoints", None) is None:
+            course, spiral = read_course(table, turns_mass)
+        else:
+            level = Schedule([0.0], [0.0], [0.0], [0.0])
+            course = _waypoints(table.table("waypoints"), guidance, origin, level)
+            spiral = None, turns_mass
+        mission = read_yo(table.table("yo"), course, spiral)
+        table.close()
+        return mission
     if kind == "schedule" and table.get("waypoints", None) is not None:
         raise ConfigError(
             'reference.waypoints needs reference.type = "waypoints"; received '
@@ -281,12 +304,20 @@ def read_reference(
     if kind == "schedule":
         table.close()
         return AttitudeSchedule(schedule)
-    path = table.table("waypoints")
+    path = _waypoints(table.table("waypoints"), guidance, origin, schedule)
+    table.close()
+    return path
+
+
+def _waypoints(
+    path: TomlTable, guidance: LineOfSight, origin: Origin, schedule: Schedule
+) -> WaypointPath:
+    """A path of waypoints with a schedule for its depth."""
     where = "reference.waypoints"
     if origin.moved:
         where += f" (from the start at {origin.north:.10g}, {origin.east:.10g} on)"
     path.only(WAYPOINT_KEYS)
-    course = _built(
+    course: WaypointPath = _built(
         WaypointPath,
         where,
         [x - origin.north for x in path.numbers("north_m")],
@@ -304,7 +335,6 @@ def read_reference(
         None if path.get("abeam_m", None) is None else path.number("abeam_m"),
     )
     path.close()
-    table.close()
     return course
 
 

@@ -10,10 +10,12 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import netCDF4
 import numpy as np
 
 from jaxglider.files.writing import replacing
+from jaxglider.guidance.phases import STATUSES
 from jaxglider.signals import CHANNEL_UNITS, COMMAND_UNITS
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.origin import MAP_ZERO, Origin
@@ -60,23 +62,56 @@ def metrics_dict(metrics: Metrics, *, has_waypoints: bool) -> dict[str, Any]:
         has_waypoints: flag, the reference was a waypoint path.
     """
     channels = {
-        name: {key: _plain(value) for key, value in vars(channel).items()}
+        name: {key: json_number(value) for key, value in vars(channel).items()}
         for name, channel in vars(metrics.channels).items()
     }
     if not metrics.end_time > 0.0:
         channels = {name: dict.fromkeys(of) for name, of in channels.items()}
     return {
-        "end_time_s": _plain(metrics.end_time),
+        "end_time_s": json_number(metrics.end_time),
         "finite": bool(metrics.finite),
         "capsized": bool(metrics.capsized),
-        "max_roll_rad": _plain(metrics.max_roll),
-        "max_pitch_rad": _plain(metrics.max_pitch),
+        "max_roll_rad": json_number(metrics.max_roll),
+        "max_pitch_rad": json_number(metrics.max_pitch),
         "waypoints_reached": int(metrics.waypoints_reached) if has_waypoints else None,
         "channels": channels,
+        **_flight(metrics),
     }
 
 
-def _plain(value: Any) -> float | None:
+def _flight(metrics: Metrics) -> dict[str, Any]:
+    """The end of the mission and the measures of the flight, where there are any."""
+    told: dict[str, Any] = {}
+    if metrics.status is not None:
+        told["status"] = STATUSES[int(metrics.status)]
+    if metrics.flight is not None:
+        told["flight"] = {
+            f"{name}_{FLIGHT_UNITS[name]}" if name in FLIGHT_UNITS else name: (
+                {key: json_number(number) for key, number in vars(value).items()}
+                if isinstance(value, eqx.Module)
+                else json_number(value)
+            )
+            for name, value in vars(metrics.flight).items()
+        }
+    return told
+
+
+FLIGHT_UNITS = {
+    **dict.fromkeys(("energy", "total_energy"), "J"),
+    **dict.fromkeys(("energy_per_made_good", "energy_per_through_water"), "J_m"),
+    **dict.fromkeys(("made_good", "through_water", "overshoot"), "m"),
+    **dict.fromkeys(("dive_time", "climb_time", "surface_time"), "s"),
+    **dict.fromkeys(("pitch_error", "heading_error"), "rad"),
+    "depth_rate": "m_s",
+    "pushed": "kg",
+}
+"""Units at the end of the keys of the measures of a flight."""
+
+
+def json_number(value: Any) -> Any:
+    """A number as JSON has it, None where it is not finite; anything else as it is."""
+    if isinstance(value, str):
+        return value
     number = float(value)
     return number if np.isfinite(number) else None
 

@@ -1,7 +1,7 @@
 """Protocol of a reference, which tells the glider what to do."""
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -19,15 +19,29 @@ class AbstractReference(Container):
         scheduled: the funnel's clock is known beforehand (`plan` carries `clock`), so
             performance functions can be computed for all ticks at once.
         can_finish: the mission can end before the horizon.
+        phased: the reference flies yos: it gives orders, and its flight is measured.
     """
 
     scheduled: eqx.AbstractClassVar[bool]
     can_finish: eqx.AbstractClassVar[bool]
+    phased: ClassVar[bool] = False
 
     @property
     def waypoints(self) -> int | None:
         """Number of waypoints to reach; None where there is no course."""
         return None
+
+    def status(self, state: Any) -> Any:
+        """Number of the end of the mission so far, of a state; None without ends."""
+        return None
+
+    def final_status(self, status: Any) -> Any:
+        """Number of the end of the mission, once the run is over; None without ends.
+
+        Args:
+            status: number of the last tick in `phases.STATUSES`, or None.
+        """
+        return status
 
     @abstractmethod
     def plan(self, times: Series) -> Any:

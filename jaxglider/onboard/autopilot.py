@@ -34,8 +34,9 @@ from jaxglider.control.observer import AbstractObserver
 from jaxglider.core.containers import Counter, Flag, Scalar, concrete
 from jaxglider.core.numerics import saturate
 from jaxglider.core.rotations import Attitude
+from jaxglider.guidance.obedience import informed, obeyed
 from jaxglider.guidance.reference import AbstractReference
-from jaxglider.guidance.waypoints import WaypointPath
+from jaxglider.guidance.routes import route_of
 from jaxglider.onboard.guard import (
     BITS,
     MANY,
@@ -175,7 +176,7 @@ class Autopilot(eqx.Module):
         usable = sound(wanted)
         hold = ~usable | aim.finished
         target = select(lost, self.guard.safe, select(hold, state.held, wanted))
-        command, held = self._command(state.held, target)
+        command, held = self._command(state.held, target, believed.depth)
         flags = {
             "measurement_held": ~complete,
             "measurement_lost": lost,
@@ -245,14 +246,17 @@ class Autopilot(eqx.Module):
         complete, afresh = when
         begun = select(afresh, self.controller.init(), state.controller)
         bounds = self.controller.bounds(aim.clock)
-        wanted, following, _ = self.controller.step(begun, known, aim, bounds, self.dt)
+        wanted, following, _ = self.controller.step(
+            begun, informed(known, aim), aim, bounds, self.dt
+        )
+        wanted = obeyed(wanted, aim, known.applied)
         broken = ~sound(following)
         going = complete & ~aim.finished
         following = select(broken, self.controller.init(), following)
         return wanted, select(going, following, begun), broken & going
 
     def _command(
-        self, held: Command[Scalar], target: Command[Scalar]
+        self, held: Command[Scalar], target: Command[Scalar], depth: Scalar
     ) -> tuple[Command[Scalar], Command[Scalar]]:
         """The command sent to the actuators, and their next positions.
 
@@ -261,7 +265,7 @@ class Autopilot(eqx.Module):
         intact = map_fields(
             lambda a: dataclasses.replace(a, failure=None), self.actuators
         )
-        moved = follow_all(intact, held, target, self.dt)
+        moved = follow_all(intact, held, target, self.dt, depth=depth)
         sent = map_fields(saturate, target, self._limits())
         command = map_fields(
             lambda s, m, a: m if a.time_constant is None else s, sent, moved, intact
@@ -283,6 +287,7 @@ def autopilot(loop: ClosedLoop, guard: Guard | None = None) -> Autopilot:
         ValueError: where the loop starts or is to go is not believed by the guard.
     """
     scenario, guard = loop.scenario, Guard() if guard is None else guard
+    guard = guard.for_ticks(scenario.clock.dt)
     _refuse_disbelieved(loop, guard)
     return Autopilot(
         controller=loop.controller,
@@ -302,9 +307,10 @@ def _refuse_disbelieved(loop: ClosedLoop, guard: Guard) -> None:
         f"initial_state.{name}": (value, getattr(ranges, name))
         for name, value in vars(scenario.initial_state).items()
     }
-    if isinstance(scenario.reference, WaypointPath):
+    path = route_of(scenario.reference)
+    if path is not None:
         for name in ("north", "east"):
-            value = getattr(scenario.reference, name)
+            value = getattr(path, name)
             places[f"waypoints.{name}"] = value, guard.position
     for name, (value, limit) in places.items():
         seen = concrete(value)

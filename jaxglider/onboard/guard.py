@@ -78,6 +78,18 @@ class Guard(Container):
                 value = getattr(self, field.name)
                 check_interval("Guard", field.name, value, low=0.0)
 
+    def for_ticks(self, dt: Scalar) -> "Guard":
+        """The same guard, its times long enough for ticks of that length [s].
+
+        A clock read once in four seconds cannot be asked to step by two at most.
+        """
+        return dataclasses.replace(
+            self,
+            gap=jnp.maximum(self.gap, 1.5 * dt),
+            trust=jnp.maximum(self.trust, 2.0 * dt),
+            patience=jnp.maximum(self.patience, 3.0 * dt),
+        )
+
     def ranges(self) -> GliderState:
         """The largest believable modulus of each state."""
         length, angle = (self.position,) * 3, (self.angle,) * 3

@@ -21,13 +21,14 @@ from jaxglider.control.performance import (
     HalfSechFunction,
     SechFunction,
 )
+from jaxglider.control.slocum import Slocum
 from jaxglider.control.steering import INVERSION, AbstractSteering, BankSteering
 from jaxglider.control.transform import ErrorTransformation
 from jaxglider.core.containers import choose
 from jaxglider.signals import BodyAxes, Channels
 from jaxglider.simulation.gains import LoadedGains
 from jaxglider.vehicle.design_model import DesignModel
-from jaxglider.vehicle.moving_mass import PrintedActuation
+from jaxglider.vehicle.moving_mass import FinActuation, PrintedActuation
 
 SCENARIOS = ("switching", "waypoints")
 """The paper's two cases: switching attitudes, and a course of waypoints."""
@@ -72,13 +73,14 @@ def funnel(
 def default_steering(model: DesignModel) -> AbstractSteering:
     """The way to steer where nothing is said.
 
-    The paper's for the paper's glider, which rolls away from its mass; by bank for one
-    whose mass obeys mechanics, which the paper's loses in a climb.
+    The paper's for the paper's glider, which rolls away from its mass, and for one with
+    a fin; by bank for one whose mass obeys mechanics, which the paper's loses in a
+    climb.
 
     Args:
         model: design model.
     """
-    if isinstance(model.actuation, PrintedActuation):
+    if isinstance(model.actuation, PrintedActuation | FinActuation):
         return INVERSION
     return BankSteering()
 
@@ -138,6 +140,13 @@ def _fxtppc_roll(
     return RollAwareFxTPPC(_fxtppc(scenario, model, INVERSION))
 
 
+def _slocum(scenario: str, model: DesignModel, steering: AbstractSteering) -> Slocum:
+    """Not the paper's; it has a way to steer of its own."""
+    turns_mass = not isinstance(model.actuation, FinActuation)
+    sign = -1.0 if turns_mass else 1.0
+    return Slocum(model, funnel=funnel(scenario), climb_sign=sign)
+
+
 _MAKERS: dict[
     str, Callable[[str, DesignModel, AbstractSteering], AbstractController]
 ] = {
@@ -145,6 +154,7 @@ _MAKERS: dict[
     "ppc": _ppc,
     "fxtppc": _fxtppc,
     "fxtppc-roll": _fxtppc_roll,
+    "slocum": _slocum,
 }
 
 

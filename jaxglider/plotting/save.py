@@ -17,8 +17,10 @@ from jaxglider.control.performance import (
     SechFunction,
 )
 from jaxglider.guidance import WaypointPath
+from jaxglider.guidance.routes import route_of
 from jaxglider.plotting.commands import commands
 from jaxglider.plotting.comparison import errors, tracking
+from jaxglider.plotting.flight import energy, flight
 from jaxglider.plotting.path import on_the_map, path_3d, path_plan
 from jaxglider.plotting.performance import performance_functions, settling_time
 from jaxglider.plotting.series import active_ticks
@@ -110,9 +112,9 @@ def _builders(
 ) -> dict[str, Callable[[], Figure]]:
     """Makers of the figures by their names."""
     reference = scenario.reference
-    path = None
-    if isinstance(reference, WaypointPath):
-        path = on_the_map(reference, scenario.origin)
+    path = route_of(reference)
+    if path is not None:
+        path = on_the_map(path, scenario.origin)
     horizon = scenario.clock.ticks * float(scenario.clock.dt)
     shapes = published_functions() if functions is None else functions
     builders: dict[str, Callable[[], Figure]] = {
@@ -135,6 +137,12 @@ def _builders(
         builders[_free(f"disturbance_estimate_{name}", builders)] = partial(
             _estimate, label, runs[label], style.colour
         )
+        if runs[label].ticks.phase is not None:
+            builders[_free(f"flight_{name}", builders)] = partial(
+                _flight, label, runs[label], scenario
+            )
+        if scenario.energy is not None:
+            builders[_free(f"energy_{name}", builders)] = partial(_energy, runs[label])
     return builders
 
 
@@ -188,6 +196,20 @@ def _estimate(label: str, run: Trajectory, colour: str) -> Figure:
     axes = figure.subplots(2, 3, sharex=True)
     disturbance_estimate(axes, run, label, colour)
     figure.align_ylabels()
+    return figure
+
+
+def _flight(label: str, run: Trajectory, scenario: Scenario) -> Figure:
+    figure = new_figure(PAGE, 8.6)
+    figure.suptitle(label)
+    flight(figure.subplots(6, 1, sharex=True), run, scenario.actuators)
+    figure.align_ylabels()
+    return figure
+
+
+def _energy(run: Trajectory) -> Figure:
+    figure = new_figure(COLUMN, 3.2)
+    energy(figure.subplots(), run)
     return figure
 
 

@@ -8,7 +8,7 @@ Controller, reference and observer see the measured state; metrics and records h
 true one.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -16,27 +16,30 @@ import jax.numpy as jnp
 
 from jaxglider.control.controller import (
     AbstractController,
-    ControlRecord,
     tracking_error,
 )
-from jaxglider.control.funnel import Limits
 from jaxglider.control.observer import AbstractObserver
-from jaxglider.control.performance import Bound
 from jaxglider.core.containers import Scalar, Series
+from jaxglider.guidance.obedience import informed, obeyed
 from jaxglider.signals import (
     BodyAxes,
-    Channels,
     Command,
     GliderState,
     Measurement,
-    Reference,
     zeros,
 )
+from jaxglider.simulation.flight_sums import add_to_flight, empty_flight
 from jaxglider.simulation.metrics import add_tick, empty_sums
-from jaxglider.simulation.motion import integrate, lumped_disturbance
+from jaxglider.simulation.motion import (
+    integrate,
+    integrate_moving,
+    lumped_disturbance,
+)
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.simulation.tick import (
     Carry,
+    Decision,
+    Judgement,
     TickInput,
     TickPlan,
     TickRecord,
@@ -67,15 +70,18 @@ class ClosedLoop(eqx.Module):
         """
         scenario = self.scenario
         state = scenario.initial_state.unturned()
+        guidance = scenario.reference.init(state)
         return Carry(
             state=state,
             held=zeros(Command, state.surge),
-            reference=scenario.reference.init(state),
+            reference=guidance,
             controller=self.controller.init(),
             observer=self.observer.init(state),
             sums=empty_sums(state.surge),
             finished=jnp.asarray(False),
             reached=jnp.asarray(0, jnp.int32),
+            status=scenario.reference.status(guidance),
+            flight=empty_flight(state.surge) if scenario.measures_flight else None,
         )
 
     def inputs(
@@ -157,6 +163,16 @@ class ClosedLoop(eqx.Module):
             sums=sums,
             finished=reference.finished,
             reached=_reached(reference.target, reference.finished),
+            status=None if reference.orders is None else reference.orders.status,
+            flight=add_to_flight(
+                carry.flight,
+                scenario=self.scenario,
+                time=inputs.plan.time,
+                state=carry.state,
+                reference=reference,
+                error=judgement.error,
+                moves=(carry.held, applied),
+            ),
         )
         if self.scenario.reference.can_finish:
             after = hold_when_finished(carry, after)
@@ -183,6 +199,8 @@ class ClosedLoop(eqx.Module):
             disturbance=inputs.force_start,
             target=reference.target,
             clock=reference.clock,
+            phase=None if reference.orders is None else reference.orders.phase,
+            energy=carry.spent,
         )
 
     @jax.named_scope("measurement")
@@ -195,12 +213,14 @@ class ClosedLoop(eqx.Module):
             attitude=carry.state.attitude(),
             applied=carry.held,
             disturbance=self.observer.estimate(carry.observer),
+            altitude=self.scenario.altitude(carry.state),
+            charge=self.scenario.charge(carry.spent),
         )
         return truth, measured(truth, inputs.noise_start)
 
     def _decide(
         self, carry: Carry, inputs: TickInput, measurement: Measurement
-    ) -> "_Decision":
+    ) -> Decision:
         """The reference of the tick, and the command of the controller."""
         dt, plan = self.scenario.clock.dt, inputs.plan
         with jax.named_scope("guidance"):
@@ -212,9 +232,14 @@ class ClosedLoop(eqx.Module):
             if bounds is None:
                 bounds = self.controller.bounds(reference.clock)
             wanted, controller_state, record = self.controller.step(
-                carry.controller, measurement, reference, bounds, dt
+                carry.controller,
+                informed(measurement, reference),
+                reference,
+                bounds,
+                dt,
             )
-        return _Decision(
+            wanted = obeyed(wanted, reference, carry.held)
+        return Decision(
             reference=reference,
             reference_state=reference_state,
             wanted=wanted,
@@ -225,31 +250,34 @@ class ClosedLoop(eqx.Module):
 
     @jax.named_scope("judgement")
     def _judge(
-        self, inputs: TickInput, truth: Measurement, decision: "_Decision"
-    ) -> "_Judgement":
+        self, inputs: TickInput, truth: Measurement, decision: Decision
+    ) -> Judgement:
         """The true error, and the specification that it is judged by."""
         reference, error = decision.reference, decision.record.error
         if inputs.noise_start is not None:
             error, _ = tracking_error(truth, reference)
         specification, bounds = self.scenario.specification, decision.bounds
         if specification is None:
-            return _Judgement(error, bounds, self.controller.limits(bounds))
+            return Judgement(error, bounds, self.controller.limits(bounds))
         judging = inputs.plan.judging
         if judging is None:
             judging = specification.bounds(reference.clock)
-        return _Judgement(error, judging, specification.limits(judging))
+        return Judgement(error, judging, specification.limits(judging))
 
     def _move(
         self, carry: Carry, inputs: TickInput, wanted: Command[Scalar]
     ) -> tuple[Command[Scalar], GliderState]:
         """The command that the actuators hold, and the glider one tick later."""
         scenario = self.scenario
+        if scenario.clock.moving:
+            return integrate_moving(scenario, carry.state, carry.held, wanted, inputs)
         applied = follow_all(
             scenario.actuators,
             carry.held,
             wanted,
             scenario.clock.dt,
             inputs.plan.time,
+            carry.state.depth,
         )
         return applied, integrate(scenario, carry.state, applied, inputs)
 
@@ -267,25 +295,6 @@ class ClosedLoop(eqx.Module):
         return self.observer.step(
             carry.observer, measurement, applied, observed, self.scenario.clock.dt
         )
-
-
-class _Decision(NamedTuple):
-    """Reference and command of a tick, with the next states of their makers."""
-
-    reference: Reference
-    reference_state: Any
-    wanted: Command[Scalar]
-    controller_state: Any
-    record: ControlRecord
-    bounds: Channels[Bound]
-
-
-class _Judgement(NamedTuple):
-    """True error, performance functions and edges of what it is judged by."""
-
-    error: Channels[Scalar]
-    bounds: Channels[Bound]
-    limits: Channels[Limits]
 
 
 def _reached(target: jax.Array, finished: jax.Array) -> jax.Array:

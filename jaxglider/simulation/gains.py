@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 from jaxglider.control.controller import AbstractController
 from jaxglider.control.observer import AbstractObserver
-from jaxglider.guidance import LineOfSight, WaypointPath
+from jaxglider.guidance import LineOfSight
+from jaxglider.guidance.routes import guided_by
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Scenario
 
@@ -31,8 +32,7 @@ class LoadedGains(NamedTuple):
         Guidance that is given replaces that of a waypoint path; a schedule has none,
         and keeps its headings.
         """
-        path = scenario.reference
-        if self.guidance is not None and isinstance(path, WaypointPath):
-            path = dataclasses.replace(path, line_of_sight=self.guidance)
+        if self.guidance is not None:
+            path = guided_by(scenario.reference, self.guidance)
             scenario = dataclasses.replace(scenario, reference=path)
         return ClosedLoop(scenario, self.controller, self.observer)

@@ -19,6 +19,7 @@ from jaxglider.control.performance import Bound
 from jaxglider.core.containers import Flag, Scalar
 from jaxglider.core.numerics import square_root
 from jaxglider.signals import Channels, Command, GliderState, map_fields
+from jaxglider.simulation.flight import FlightMetrics
 
 
 class ChannelSums(eqx.Module):
@@ -96,6 +97,9 @@ class Metrics(eqx.Module):
             completed.
         finite: flag, nothing became NaN or infinite.
         capsized: flag, |φ| exceeded π/2.
+        status: number of the end of the mission, an index of `phases.STATUSES`; None
+            where the reference knows no such ends.
+        flight: measures of the flight; None where it is not measured.
     """
 
     channels: Channels[ChannelMetrics]
@@ -105,6 +109,8 @@ class Metrics(eqx.Module):
     waypoints_reached: jax.Array
     finite: Flag
     capsized: Flag
+    status: jax.Array | None = None
+    flight: FlightMetrics | None = None
 
 
 def empty_sums(like: Scalar) -> Sums:
@@ -198,7 +204,13 @@ def _crowded(nearness: Scalar) -> Scalar:
     return squared * squared / (1.0 + squared * squared)
 
 
-def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Metrics:
+def finish(
+    sums: Sums,
+    state: GliderState,
+    reached: jax.Array,
+    dt: Scalar,
+    status: jax.Array | None = None,
+) -> Metrics:
     """Metrics from the sums of a whole rollout.
 
     Args:
@@ -206,6 +218,7 @@ def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Me
         state: state at the end.
         reached: waypoints reached or segments completed.
         dt: tick [s].
+        status: number of the end of the mission, or None.
     """
     # Where no tick was flown there is nothing to be wrong: all sums are zero.
     n = jnp.maximum(sums.ticks, 1.0)
@@ -239,6 +252,7 @@ def finish(sums: Sums, state: GliderState, reached: jax.Array, dt: Scalar) -> Me
         waypoints_reached=reached,
         finite=finite,
         capsized=~(sums.max_roll <= 0.5 * jnp.pi),
+        status=status,
     )
 
 

@@ -1,10 +1,12 @@
 """Motion of the glider over one control tick, and the disturbance seen in it."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jax import lax
 
-from jaxglider.core.containers import Scalar
+from jaxglider.core.containers import Scalar, Series
 from jaxglider.core.runge_kutta import RK4, runge_kutta_step
 from jaxglider.environment.surface import surface_force
 from jaxglider.environment.water import derivative_in_water
@@ -17,6 +19,7 @@ from jaxglider.signals import (
 )
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.simulation.tick import TickInput
+from jaxglider.vehicle.actuators import follow_all
 from jaxglider.vehicle.design_model import DesignModel
 
 
@@ -32,33 +35,85 @@ def integrate(
         applied: command held by the actuators [kg, m, rad].
         inputs: start of the tick and τ_d at both its ends.
     """
+
+    def substep(s: GliderState, number: Scalar) -> tuple[GliderState, None]:
+        return _substep(scenario, s, applied, inputs, number), None
+
+    if scenario.clock.substeps == 1:
+        return substep(state, jnp.zeros_like(scenario.clock.dt))[0]
+    return lax.scan(substep, state, _numbers(scenario))[0]
+
+
+@jax.named_scope("integration")
+def integrate_moving(
+    scenario: Scenario,
+    state: GliderState,
+    held: Command[Scalar],
+    wanted: Command[Scalar],
+    inputs: TickInput,
+) -> tuple[Command[Scalar], GliderState]:
+    """Actuators and glider one tick later, both moved from step to step.
+
+    Args:
+        scenario: plant, actuators, water and clock.
+        state: state at the start of the tick.
+        held: positions of the actuators then [kg, m, rad].
+        wanted: command held over the tick [kg, m, rad].
+        inputs: start of the tick and τ_d at both its ends.
+    """
+    step = scenario.clock.dt / scenario.clock.substeps
+
+    def substep(carry: Any, number: Scalar) -> tuple[Any, None]:
+        position, s = carry
+        moved = follow_all(
+            scenario.actuators,
+            position,
+            wanted,
+            step,
+            inputs.plan.time + number * step,
+            s.depth,
+        )
+        return (moved, _substep(scenario, s, moved, inputs, number)), None
+
+    end: tuple[Command[Scalar], GliderState]
+    end, _ = lax.scan(substep, (held, state), _numbers(scenario))
+    return end
+
+
+def _numbers(scenario: Scenario) -> Series:
+    """Numbers of the integration steps of a tick."""
+    clock = scenario.clock
+    return jnp.arange(clock.substeps, dtype=clock.dt.dtype)
+
+
+def _substep(
+    scenario: Scenario,
+    state: GliderState,
+    applied: Command[Scalar],
+    inputs: TickInput,
+    number: Scalar,
+) -> GliderState:
+    """The glider one integration step later."""
     time, start, end = inputs.plan.time, inputs.force_start, inputs.plan.force_end
     substeps = scenario.clock.substeps
     slope = end - start
 
-    def substep(s: GliderState, number: Scalar) -> tuple[GliderState, None]:
-        def derivative(at: GliderState, node: Scalar) -> GliderState:
-            share = (number + node) / substeps
-            force = map_fields(lambda f, k: f + share * k, start, slope)
-            force = force + surface_force(scenario.plant, at)
-            if scenario.water is None:
-                return scenario.plant.derivative(at, applied, force)
-            return derivative_in_water(
-                scenario.plant,
-                scenario.water,
-                at,
-                applied,
-                force,
-                time + share * scenario.clock.dt,
-            )
+    def derivative(at: GliderState, node: Scalar) -> GliderState:
+        share = (number + node) / substeps
+        force = map_fields(lambda f, k: f + share * k, start, slope)
+        force = force + surface_force(scenario.plant, at)
+        if scenario.water is None:
+            return scenario.plant.derivative(at, applied, force)
+        return derivative_in_water(
+            scenario.plant,
+            scenario.water,
+            at,
+            applied,
+            force,
+            time + share * scenario.clock.dt,
+        )
 
-        step = scenario.clock.dt / substeps
-        return runge_kutta_step(RK4, derivative, s, step), None
-
-    if substeps == 1:
-        return substep(state, jnp.zeros_like(scenario.clock.dt))[0]
-    numbers = jnp.arange(substeps, dtype=scenario.clock.dt.dtype)
-    return lax.scan(substep, state, numbers)[0]
+    return runge_kutta_step(RK4, derivative, state, scenario.clock.dt / substeps)
 
 
 @jax.named_scope("lumped_disturbance")

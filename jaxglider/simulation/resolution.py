@@ -14,7 +14,7 @@ import numpy as np
 
 from jaxglider.core.containers import concrete
 from jaxglider.environment.disturbances import Sinusoid
-from jaxglider.guidance import WaypointPath
+from jaxglider.guidance.routes import route_of
 
 SLOW = 0.2
 """Speed of a slow glider [m/s]."""
@@ -69,9 +69,10 @@ def _positions(scenario: Any) -> Iterator[tuple[str, np.ndarray]]:
     """North and east of start, leg and waypoints, by their keys in a mission."""
     reference, start = scenario.reference, scenario.initial_state
     places = {f"initial_state.{n}_m": getattr(start, n) for n in ("north", "east")}
-    if isinstance(reference, WaypointPath):
+    path = route_of(reference)
+    if path is not None:
         for name in ("start_north", "start_east", "north", "east"):
-            places[f"reference.waypoints.{name}_m"] = getattr(reference, name)
+            places[f"reference.waypoints.{name}_m"] = getattr(path, name)
     for name, value in places.items():
         seen = concrete(value)
         if seen is not None:

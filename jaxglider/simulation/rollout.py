@@ -15,6 +15,7 @@ from jaxglider.core.containers import Scalar, Series
 from jaxglider.core.numerics import scale_gradient
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.flight import close_flight
 from jaxglider.simulation.metrics import Metrics, finish
 from jaxglider.simulation.tick import Carry, TickInput, TickPlan, TickRecord
 
@@ -41,6 +42,7 @@ def roll(
     tick: Callable[[Carry, TickInput], tuple[Carry, Kept]],
     *,
     checkpoint_every: int = 1,
+    keep_every: int = 1,
 ) -> tuple[Metrics, Kept]:
     """The scan over all ticks; `simulate` and `evaluate` differ in what they keep.
 
@@ -52,19 +54,21 @@ def roll(
         noise: the realised errors of the sensors, or None.
         tick: `loop.tick`, or a function around it that chooses what is kept.
         checkpoint_every: ticks from one kept state to the next; see `evaluate`.
+        keep_every: ticks from one kept output to the next; see `simulate`.
 
     Returns:
         The metrics, and what each tick has kept, stacked.
 
     Raises:
-        ValueError: `checkpoint_every` does not divide the number of ticks.
+        ValueError: a number of ticks does not divide that of the run.
     """
     ticks = loop.scenario.clock.ticks
-    if checkpoint_every < 1 or ticks % checkpoint_every:
-        raise ValueError(
-            f"checkpoint_every must divide the {ticks} ticks; "
-            f"received {checkpoint_every}."
-        )
+    every = {"checkpoint_every": checkpoint_every, "keep_every": keep_every}
+    for name, number in every.items():
+        if number < 1 or ticks % number:
+            raise ValueError(
+                f"{name} must divide the {ticks} ticks; received {number}."
+            )
     first, ends = (
         jax.tree.map(lambda path, part=part: path[part], (sea, noise))
         for part in (0, slice(1, None))
@@ -80,16 +84,30 @@ def roll(
 
     start = (loop.init(), first)
     known = (loop.scenario.clock.times()[:-1], *ends)
-    if checkpoint_every == 1:
+
+    def in_parts(of: int) -> Any:
+        return jax.tree.map(lambda x: x.reshape(-1, of, *x.shape[1:]), known)
+
+    if keep_every > 1:
+
+        def first_of(carry: Any, part: Any) -> Any:
+            after, all_of_it = through(carry, part)
+            return after, jax.tree.map(lambda x: x[0], all_of_it)
+
+        (last, _), outputs = lax.scan(first_of, start, in_parts(keep_every))
+    elif checkpoint_every == 1:
         (last, _), outputs = through(start, known)
     else:
-        parts = jax.tree.map(
-            lambda x: x.reshape(-1, checkpoint_every, *x.shape[1:]), known
-        )
+        parts = in_parts(checkpoint_every)
         again = jax.checkpoint(through, prevent_cse=False)
         (last, _), outputs = lax.scan(again, start, parts)
         outputs = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), outputs)
-    metrics = finish(last.sums, last.state, last.reached, loop.scenario.clock.dt)
+    scenario = loop.scenario
+    status = scenario.reference.final_status(last.status)
+    metrics = finish(last.sums, last.state, last.reached, scenario.clock.dt, status)
+    if last.flight is not None:
+        flight = close_flight(last.flight, scenario.initial_state, last.state)
+        metrics = dataclasses.replace(metrics, flight=flight)
     return metrics, outputs
 
 
@@ -107,15 +125,22 @@ def simulate(
     loop: ClosedLoop,
     sea: BodyAxes[Float[Array, " n"]],
     noise: dict[str, Float[Array, " n"]] | None = None,
+    *,
+    keep_every: int = 1,
 ) -> Trajectory:
-    """Roll a closed loop out and keep every tick.
+    """Roll a closed loop out and keep every tick, or every nth of a long run.
 
     Args:
         loop: scenario, controller and observer.
         sea: the realised disturbance, `loop.scenario.sea(key)`.
         noise: the realised errors of the sensors, `loop.scenario.noise(key)`, or None.
+        keep_every: ticks from one that is kept to the next; divides their number.
+            Metrics are of all ticks, whatever is kept.
+
+    Raises:
+        ValueError: `keep_every` does not divide the number of ticks.
     """
-    metrics, ticks = roll(loop, sea, noise, loop.tick)
+    metrics, ticks = roll(loop, sea, noise, loop.tick, keep_every=keep_every)
     return Trajectory(ticks, metrics)
 
 
@@ -171,4 +196,5 @@ def _forgetting(carry: Carry, share: Scalar) -> Carry:
             carry,
         ),
         sums=carry.sums,
+        flight=carry.flight,
     )

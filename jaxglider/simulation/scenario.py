@@ -1,5 +1,6 @@
 """Scenario: everything of a run but its controller."""
 
+import dataclasses
 import math
 from collections.abc import Mapping
 
@@ -15,6 +16,7 @@ from jaxglider.core.containers import (
     check_interval,
 )
 from jaxglider.environment.disturbances import AbstractDisturbance
+from jaxglider.environment.seabed import Seabed
 from jaxglider.environment.water import Water
 from jaxglider.guidance.reference import AbstractReference
 from jaxglider.signals import BodyAxes, Command, GliderState
@@ -22,6 +24,7 @@ from jaxglider.simulation.origin import MAP_ZERO, Origin
 from jaxglider.simulation.resolution import check_resolution
 from jaxglider.simulation.specification import Specification
 from jaxglider.vehicle.actuators import Actuator
+from jaxglider.vehicle.energy import Consumers, EnergyModel
 from jaxglider.vehicle.plant import AbstractPlant
 from jaxglider.vehicle.sensors import Sensor, check_sensors, realise_errors
 
@@ -36,6 +39,9 @@ class Clock(Container):
         ticks: number of control ticks.
         dt: control tick [s].
         substeps: integration steps per tick.
+        moving: flag, the actuators move on from integration step to step; without it
+            they take their place for the whole tick at its start, which suits ticks
+            that are short beside their moves.
 
     Raises:
         ValueError: a count below one, or a tick that is not positive.
@@ -44,6 +50,7 @@ class Clock(Container):
     ticks: int = eqx.field(static=True)
     dt: Scalar = eqx.field(converter=as_float, default=0.05)
     substeps: int = eqx.field(static=True, default=1)
+    moving: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self) -> None:
         check_interval("Clock", "ticks", self.ticks, 1.0, closed_low=True)
@@ -74,6 +81,24 @@ class Clock(Container):
         )
         return cls(math.ceil(duration / dt - 1e-6), dt, substeps)
 
+    @classmethod
+    def sampled(cls, duration: float, period: float, step: float) -> "Clock":
+        """A clock for a law that runs once in a period of many integration steps.
+
+        The command is held over the period, the actuators move in every step.
+
+        Args:
+            duration: length of the run [s], rounded up to whole periods.
+            period: control period [s].
+            step: longest integration step [s]; shortened to fit the period.
+
+        Raises:
+            ValueError: a number is not positive, or the run has too many ticks.
+        """
+        check_interval("Clock", "step", step, 0.0, period, closed_high=True)
+        clock = cls.lasting(duration, period, math.ceil(period / step - 1e-6))
+        return dataclasses.replace(clock, moving=True)
+
     def times(self) -> Series:
         """Tick times from 0 to the end of the last tick [s]."""
         return jnp.arange(self.ticks + 1, dtype=self.dt.dtype) * self.dt
@@ -93,6 +118,8 @@ class Scenario(Container):
         specification: bounds prescribed, whoever steers; None to judge errors by the
             law's own funnel, which a law could widen, and nothing else.
         water: currents and density, or None for water at rest, the same at every depth.
+        seabed: bottom of the sea, or None for a sea without one.
+        energy: consumption of the glider, or None where nobody counts it.
         origin: place that positions count from; static, since no program uses it.
 
     Raises:
@@ -109,11 +136,28 @@ class Scenario(Container):
     sensors: Mapping[str, Sensor] | None = None
     specification: Specification | None = None
     water: Water | None = None
+    seabed: Seabed | None = None
+    energy: EnergyModel | None = None
     origin: Origin = eqx.field(static=True, default=MAP_ZERO)
 
     def __check_init__(self) -> None:
         check_sensors(self.sensors)
         check_resolution(self)
+
+    @property
+    def measures_flight(self) -> bool:
+        """Whether energy, yos and moves are counted."""
+        return self.reference.phased or self.energy is not None
+
+    def altitude(self, state: GliderState) -> Scalar | None:
+        """Height over the bottom [m], or None without one."""
+        return None if self.seabed is None else self.seabed.altitude(state)
+
+    def charge(self, spent: Consumers | None) -> Scalar | None:
+        """Energy left in the battery [J], or None where nothing counts it."""
+        if spent is None or self.energy is None or self.energy.battery is None:
+            return None
+        return self.energy.battery - spent.total()
 
     @jax.named_scope("disturbance")
     def sea(self, key: jax.Array) -> BodyAxes[Series]:

@@ -1,16 +1,20 @@
 """Data of one control tick: its input, its carry and its record."""
 
-from typing import Any
+import dataclasses
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from jaxglider.control.controller import ControlRecord
 from jaxglider.control.funnel import Limits
 from jaxglider.control.performance import Bound
 from jaxglider.core.containers import Scalar
-from jaxglider.signals import BodyAxes, Channels, Command, GliderState
+from jaxglider.signals import BodyAxes, Channels, Command, GliderState, Reference
+from jaxglider.simulation.flight_sums import FlightSums
 from jaxglider.simulation.metrics import Sums
+from jaxglider.vehicle.energy import Consumers
 
 
 class Carry(eqx.Module):
@@ -25,6 +29,9 @@ class Carry(eqx.Module):
         sums: running sums of the metrics.
         finished: flag, the mission is over.
         reached: number of waypoints reached or of segments completed.
+        status: number of the end of the mission, an index of `phases.STATUSES`; None
+            where the reference knows no such ends.
+        flight: running sums of the flight; None where it is not measured.
     """
 
     state: GliderState
@@ -35,6 +42,13 @@ class Carry(eqx.Module):
     sums: Sums
     finished: jax.Array
     reached: jax.Array
+    status: jax.Array | None = None
+    flight: FlightSums | None = None
+
+    @property
+    def spent(self) -> Consumers | None:
+        """Energy spent so far, by who took it [J]; None where it is not counted."""
+        return None if self.flight is None else self.flight.energy
 
 
 class TickPlan(eqx.Module):
@@ -94,6 +108,9 @@ class TickRecord(eqx.Module):
         disturbance: τ_d at the start of the tick [N, N m], body frame.
         target: number of the waypoint or segment being followed.
         clock: t*, time since the funnel's restart [s].
+        phase: number of the phase of the yo, an index of `phases.PHASES`; None where
+            the reference has no phases.
+        energy: energy spent before the tick, by who took it [J], or None.
     """
 
     time: Scalar
@@ -111,6 +128,27 @@ class TickRecord(eqx.Module):
     disturbance: BodyAxes[Scalar]
     target: jax.Array
     clock: Scalar
+    phase: jax.Array | None = None
+    energy: Consumers | None = None
+
+
+class Decision(NamedTuple):
+    """Reference and command of a tick, with the next states of their makers."""
+
+    reference: Reference
+    reference_state: Any
+    wanted: Command[Scalar]
+    controller_state: Any
+    record: ControlRecord
+    bounds: Channels[Bound]
+
+
+class Judgement(NamedTuple):
+    """True error, performance functions and edges of the funnel it is judged by."""
+
+    error: Channels[Scalar]
+    bounds: Channels[Bound]
+    limits: Channels[Limits]
 
 
 def hold_when_finished(before: Carry, after: Carry) -> Carry:
@@ -123,6 +161,6 @@ def hold_when_finished(before: Carry, after: Carry) -> Carry:
     held = jax.tree.map(
         lambda old, new: jnp.where(after.finished, old, new), before, after
     )
-    return eqx.tree_at(
-        lambda c: (c.finished, c.reached), held, (after.finished, after.reached)
+    return dataclasses.replace(
+        held, finished=after.finished, reached=after.reached, status=after.status
     )

@@ -80,7 +80,12 @@ class Actuator(Container):
             check_interval("Actuator", name, getattr(self, name), low=0.0)
 
     def follow(
-        self, held: Scalar, wanted: Scalar, dt: Scalar, time: Scalar | float = 0.0
+        self,
+        held: Scalar,
+        wanted: Scalar,
+        dt: Scalar,
+        time: Scalar | float = 0.0,
+        depth: Scalar | float = 0.0,
     ) -> Scalar:
         """The position one tick later.
 
@@ -89,6 +94,7 @@ class Actuator(Container):
             wanted: command of the controller [kg, m or rad].
             dt: tick [s].
             time: present time [s]; only a failure asks for it.
+            depth: depth of the glider [m]; only a pump asks for it.
         """
         target = saturate(wanted, self.limit)
         if self.failure is not None:
@@ -110,6 +116,7 @@ def follow_all(
     wanted: Command[Scalar],
     dt: Scalar,
     time: Scalar | float = 0.0,
+    depth: Scalar | float = 0.0,
 ) -> Command[Scalar]:
     """`Actuator.follow` for each of the three.
 
@@ -119,11 +126,14 @@ def follow_all(
         wanted: command of the controller [kg, m, rad].
         dt: tick [s].
         time: present time [s]; only a failure asks for it.
+        depth: depth of the glider [m]; only a pump asks for it.
 
     Returns:
         Positions one tick later [kg, m, rad].
     """
-    return map_fields(lambda h, w, a: a.follow(h, w, dt, time), held, wanted, actuators)
+    return map_fields(
+        lambda h, w, a: a.follow(h, w, dt, time, depth), held, wanted, actuators
+    )
 
 
 ACTUATOR_KINDS = ("vehicle", "ideal")

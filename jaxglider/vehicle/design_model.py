@@ -81,6 +81,54 @@ class InputGain(eqx.Module):
             )
         )
 
+    def solve_at(
+        self,
+        buoyancy_mass: Scalar,
+        demand: Channels[Scalar],
+        damping: Command[Scalar],
+    ) -> Command[Scalar]:
+        """Position and angle of the moving mass where the ballast is given.
+
+        The same damped least squares for pitch and heading alone; depth is let go.
+
+        Args:
+            buoyancy_mass: m_b that somebody else has chosen [kg].
+            demand: wanted g U [m/s², rad/s²]; that of the depth is not looked at.
+            damping: damping, one positive number per actuator.
+        """
+        g11, g12 = self.pitch_position, self.pitch_angle
+        g21, g22 = self.heading_position, self.heading_angle
+        r1 = demand.pitch - self.pitch_buoyancy * buoyancy_mass
+        r2 = demand.heading - self.heading_buoyancy * buoyancy_mass
+        a = g11 * g11 + g21 * g21 + damping.mass_position
+        b = g11 * g12 + g21 * g22
+        c = g12 * g12 + g22 * g22 + damping.mass_angle
+        p, q = g11 * r1 + g21 * r2, g12 * r1 + g22 * r2
+        determinant = a * c - b * b
+        return Command(
+            buoyancy_mass, (c * p - b * q) / determinant, (a * q - b * p) / determinant
+        )
+
+    def position_at(
+        self,
+        buoyancy_mass: Scalar,
+        demand: Channels[Scalar],
+        damping: Command[Scalar],
+        angle: Scalar,
+    ) -> Command[Scalar]:
+        """Position of the moving mass where ballast and angle are given.
+
+        Args:
+            buoyancy_mass: m_b that somebody else has chosen [kg].
+            demand: wanted g U [m/s², rad/s²]; that of the pitch is looked at.
+            damping: damping of r_p1.
+            angle: γ [rad].
+        """
+        g10, g11, g12 = self.pitch_buoyancy, self.pitch_position, self.pitch_angle
+        left = demand.pitch - g10 * buoyancy_mass - g12 * angle
+        position = g11 * left / (g11 * g11 + damping.mass_position)
+        return Command(buoyancy_mass, position, angle)
+
     def solve_with_angle(
         self, demand: Channels[Scalar], damping: Command[Scalar], angle: Scalar
     ) -> Command[Scalar]:

@@ -23,21 +23,35 @@ from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.hydrodynamics import flow_frame_hydrodynamics
 from jaxglider.vehicle.mass_matrix import MassMatrix, mass_matrix
-from jaxglider.vehicle.moving_mass import BallastedActuation
-from jaxglider.vehicle.parameters import BodyParameters, GliderParameters, VehicleData
+from jaxglider.vehicle.moving_mass import (
+    AbstractActuation,
+    BallastedActuation,
+    FinActuation,
+)
+from jaxglider.vehicle.parameters import (
+    BodyParameters,
+    Fin,
+    GliderParameters,
+    VehicleData,
+)
 from jaxglider.vehicle.plant import AbstractPlant, kinematics
 
 
 class FullPlant(AbstractPlant):
     """The published glider with six degrees of freedom.
 
+    A glider with a fin steers with it: the third command is the angle of the fin, and
+    the moving mass does not turn.
+
     Attributes:
         parameters: masses, inertias and coefficients, the sums as for small angles.
         body: places of the masses.
+        fin: forces of the fin, or None where the mass is turned instead.
     """
 
     parameters: GliderParameters
     body: BodyParameters
+    fin: Fin | None = None
 
     def derivative(
         self,
@@ -48,6 +62,10 @@ class FullPlant(AbstractPlant):
         """ν' = M⁻¹ (force + τ_d) and the Euler kinematics."""
         a = state.attitude()
         nu = state.velocity()
+        if self.fin is not None:
+            disturbance = disturbance + self.fin.force(nu, command.mass_angle)
+            level = 0.0 * command.mass_angle
+            command = dataclasses.replace(command, mass_angle=level)
         mass = mass_matrix(self.parameters, self.body, command)
         force = (
             momentum_transport(mass, nu)
@@ -74,6 +92,11 @@ class FullPlant(AbstractPlant):
         """The diagonal of M at rest, small angles, and the weight of hull and mass."""
         p, body = self.parameters, self.body
         rest = mass_matrix(p, body, Command(*(0.0 * p.gravity,) * 3))
+        hull_moment = body.hull_mass * body.hull_below
+        actuation: AbstractActuation = BallastedActuation(hull_moment)
+        if self.fin is not None:
+            turning = self.fin.yaw_moment * self.fin.speed**2
+            actuation = FinActuation(hull_moment, turning)
         return DesignModel(
             dataclasses.replace(
                 p,
@@ -81,7 +104,7 @@ class FullPlant(AbstractPlant):
                 pitch_inertia=rest.j11,
                 yaw_inertia=rest.j22,
             ),
-            BallastedActuation(body.hull_mass * body.hull_below),
+            actuation,
         )
 
 
@@ -188,4 +211,4 @@ def full_plant(vehicle: VehicleData) -> FullPlant:
             f"the seawing plant needs a table [body]; {vehicle.name} has none. "
             "`jaxglider vehicles --show seawing` prints one."
         )
-    return FullPlant(vehicle.parameters, vehicle.body)
+    return FullPlant(vehicle.parameters, vehicle.body, vehicle.fin)

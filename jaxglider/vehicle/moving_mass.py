@@ -14,6 +14,7 @@ Deviations from the printed equations, needed by both:
 - B row 6 column 3 is printed with 1 − γ²; the sine series has 1 − γ²/6.
 """
 
+import dataclasses
 from abc import abstractmethod
 
 import equinox as eqx
@@ -231,3 +232,39 @@ class BallastedActuation(AbstractActuation):
         return moving + (
             restoring(parameters, a, self.hull_moment) - restoring(parameters, a)
         )
+
+
+class FinActuation(AbstractActuation):
+    """A moving mass that shifts and does not turn, and a fin that steers.
+
+    The third command is the angle δ of the fin, positive to starboard. What the fin
+    does depends on the speed; a design model takes it at one.
+
+    Attributes:
+        hull_moment: m_h z_h [kg m], mass of the hull times depth of its centre.
+        turning: yaw moment per fin angle at that speed [N m/rad].
+    """
+
+    hull_moment: Scalar
+    turning: Scalar
+
+    def effectiveness(
+        self, parameters: GliderParameters, a: Attitude, gamma: Scalar
+    ) -> Effectiveness:
+        """B(η): that of a mass below the axis, and the fin for its angle."""
+        b = _effectiveness(parameters, a, 0.0 * gamma, row4_sign=1.0)
+        zero = 0.0 * b.roll_angle
+        return dataclasses.replace(
+            b, roll_angle=zero, pitch_angle=zero, yaw_angle=zero + self.turning
+        )
+
+    def restoring(self, parameters: GliderParameters, a: Attitude) -> BodyAxes[Scalar]:
+        """E(η) with the hull's share."""
+        return restoring(parameters, a, self.hull_moment)
+
+    def wrench(
+        self, parameters: GliderParameters, a: Attitude, command: Command[Scalar]
+    ) -> BodyAxes[Scalar]:
+        """B(η) U + E(η)."""
+        pushed = self.effectiveness(parameters, a, command.mass_angle).wrench(command)
+        return pushed + self.restoring(parameters, a)

@@ -8,8 +8,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 
 from jaxglider.core.containers import Container, Scalar, as_float, check_interval
+from jaxglider.core.numerics import square_root
 from jaxglider.signals import BodyAxes, Command
 
 _POSITIVE = (
@@ -178,6 +180,43 @@ class BodyParameters(Container):
         return self.hull_mass + parameters.moving_mass + self.ballast_mass
 
 
+class Fin(Container):
+    """A fin at the tail that steers, δ its angle, positive to starboard.
+
+    Y = K_Yδ δ u V and N = K_Nδ δ u V, for angles at which it does not stall; turned
+    round, in a flow from astern, it steers the other way.
+
+    Attributes:
+        side_force: K_Yδ [kg/m/rad], negative: a fin at the tail pushes it to port.
+        yaw_moment: K_Nδ [kg/rad].
+        speed: V [m/s] at which a design model takes its effect.
+
+    Raises:
+        ValueError: the speed is not positive.
+    """
+
+    side_force: Scalar = _number()
+    yaw_moment: Scalar = _number()
+    speed: Scalar = eqx.field(converter=as_float, default=0.3)
+
+    def __check_init__(self) -> None:
+        check_interval("Fin", "speed", self.speed, 0.0)
+
+    def force(self, velocity: BodyAxes[Scalar], angle: Scalar) -> BodyAxes[Scalar]:
+        """Force [N] and moment [N m] of the fin, body frame.
+
+        Args:
+            velocity: ν, body velocity through the water [m/s, rad/s].
+            angle: δ [rad].
+        """
+        u, v, w = velocity.surge, velocity.sway, velocity.heave
+        pressed = u * square_root(u * u + v * v + w * w) * angle
+        zero = jnp.zeros_like(pressed)
+        return BodyAxes(
+            zero, self.side_force * pressed, zero, zero, zero, self.yaw_moment * pressed
+        )
+
+
 @dataclasses.dataclass(frozen=True)
 class VehicleData:
     """A vehicle as published.
@@ -186,6 +225,10 @@ class VehicleData:
         name: name of the vehicle.
         parameters: parameters of the small-angle equations.
         limits: limits of its actuators [kg, m, rad].
+        fin: forces of its fin, or None for one that turns its moving mass to steer.
+        pump: rates and dead band of its buoyancy engine by the fields of `Pump`, empty
+            where the file does not say.
+        energy: `EnergyModel` of the table [energy] of its file, or None.
         body: places of the masses, which the full equations need besides, or None if
             the file does not say.
         rates: largest rates of its actuators [kg/s, m/s, rad/s], or None if the file
@@ -198,4 +241,7 @@ class VehicleData:
     limits: Command[Scalar]
     body: BodyParameters | None = None
     rates: Command[Scalar] | None = None
+    fin: Fin | None = None
+    pump: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    energy: Any = None
     doubts: Mapping[str, str] = dataclasses.field(default_factory=dict)

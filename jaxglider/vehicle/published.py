@@ -1,22 +1,27 @@
 """Vehicles as TOML: every number stands beside its unit, source and doubt."""
 
-import dataclasses
 import functools
 import tomllib
 from collections.abc import Iterable
+from dataclasses import fields
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from jaxglider.core.toml import file_text, number, refuse_unknown
 from jaxglider.signals import Command
+from jaxglider.vehicle.energy import EnergyModel, PumpPower
 from jaxglider.vehicle.parameters import (
     BodyParameters,
+    Fin,
     GliderParameters,
     VehicleData,
 )
 
-_TABLES = ("name", "parameters", "limits", "rates", "body")
+_TABLES = (
+    *("name", "steering", "parameters", "limits", "rates", "body"),
+    *("fin", "pump", "energy"),
+)
 
 
 def vehicle_names() -> list[str]:
@@ -70,6 +75,12 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
     if not isinstance(name, str):
         raise ValueError(f"{source}: name must be text; received {name!r}.")
     values = {key: _values(data, key, kind, source) for key, kind in tables.items()}
+    steering = _steering(data, source)
+    extra = {
+        key: _values(data, key, kind, source, needed)
+        for key, (kind, needed) in _OPTIONAL.items()
+        if key in data
+    }
     try:
         return VehicleData(
             name=name,
@@ -77,7 +88,10 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
             limits=Command(**values["limits"]),
             body=BodyParameters(**values["body"]) if "body" in values else None,
             rates=Command(**values["rates"]) if "rates" in values else None,
-            doubts=_doubts(data, tables),
+            doubts=_doubts(data, (*tables, *extra)),
+            fin=Fin(**extra["fin"]) if steering == "fin" else None,
+            pump=extra.get("pump", {}),
+            energy=_energy(extra["energy"]) if "energy" in extra else None,
         )
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from error
@@ -111,10 +125,91 @@ def _doubts(data: dict[str, Any], tables: Iterable[str]) -> dict[str, str]:
     }
 
 
+def _steering(data: dict[str, Any], source: str | Path) -> str:
+    """The way of steering: `mass-angle` or `fin`.
+
+    Raises:
+        ValueError: another word, or a fin that is not described.
+    """
+    word = data.get("steering", "mass-angle")
+    if word not in ("mass-angle", "fin"):
+        raise ValueError(
+            f'{source}: steering must be "mass-angle" or "fin"; received {word!r}.'
+        )
+    if (word == "fin") != ("fin" in data):
+        raise ValueError(
+            f'{source}: steering = "fin" and a table [fin] go together; '
+            f"received steering = {word!r} {'with' if 'fin' in data else 'without'} it."
+        )
+    return str(word)
+
+
+_PUMP = ("push_rate", "draw_rate", "boost_rate", "boost_above", "dead_band")
+_POWER = ("pump_power", "pump_power_slope", "pump_rate")
+_BOOST = ("boost_power", "boost_power_slope", "boost_rate")
+_REST = ("boost_above", "per_shift", "per_turn", "hotel", "surface", "call", "battery")
+_OPTIONAL: dict[str, tuple[Any, tuple[str, ...]]] = {
+    # table: its keys, and those it must have
+    "fin": (Fin, ("side_force", "yaw_moment", "speed")),
+    "pump": (_PUMP, ("push_rate", "draw_rate")),
+    "energy": ((*_POWER, *_BOOST, *_REST), ()),
+}
+"""Tables that a vehicle may have."""
+_OWN_UNITS = {
+    "fin": dict(side_force="kg/m/rad", yaw_moment="kg/rad", speed="m/s"),
+    "pump": {
+        **dict.fromkeys(("push_rate", "draw_rate", "boost_rate"), "kg/s"),
+        "boost_above": "m",
+        "dead_band": "kg",
+    },
+    "energy": {
+        **dict.fromkeys(("pump_power", "boost_power", "hotel", "surface"), "W"),
+        **dict.fromkeys(("pump_power_slope", "boost_power_slope"), "W/m"),
+        **dict.fromkeys(("pump_rate", "boost_rate"), "kg/s"),
+        **{"boost_above": "m", "per_shift": "J/m", "per_turn": "J/rad"},
+        **{"call": "J", "battery": "J"},
+    },
+}
+"""Units of their keys."""
+
+
+def _energy(values: dict[str, float]) -> EnergyModel:
+    """The consumption; a pump whose power is given needs its slope and its flow too.
+
+    Raises:
+        ValueError: names the key that is missing.
+    """
+    found_in: dict[str, Any] = {key: values[key] for key in _REST if key in values}
+    for name, keys in (("pump", _POWER), ("boost", _BOOST)):
+        found = [key for key in keys if key in values]
+        if found:
+            missing = [key for key in keys if key not in values]
+            if missing:
+                raise ValueError(f"energy.{missing[0]} must be given with {found[0]}.")
+            found_in[name] = PumpPower(*(values[key] for key in keys))
+    return EnergyModel(**found_in)
+
+
 def _values(
-    data: dict[str, Any], table: str, kind: type, source: str | Path
+    data: dict[str, Any],
+    table: str,
+    kind: Any,
+    source: str | Path,
+    needed: tuple[str, ...] | None = None,
 ) -> dict[str, float]:
-    names = [field.name for field in dataclasses.fields(kind)]
+    """Numbers of a table.
+
+    Args:
+        data: parsed TOML.
+        table: name of the table.
+        kind: class whose fields are its keys, or the keys.
+        source: origin of the text, for messages.
+        needed: keys that it must have; all by default.
+
+    Raises:
+        ValueError: unknown or missing key, or a bad value.
+    """
+    names = list(kind) if isinstance(kind, tuple) else [f.name for f in fields(kind)]
     entries = data.get(table, {})
     if not isinstance(entries, dict):
         raise ValueError(f"{source}: {table} must be a table; received {entries!r}.")
@@ -122,7 +217,8 @@ def _values(
         refuse_unknown([key for key in entries if key not in names], names, table)
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from error
-    missing = [name for name in names if name not in entries]
+    required = names if needed is None else needed
+    missing = [name for name in required if name not in entries]
     if missing:
         raise ValueError(f"{source}: key {table}.{missing[0]} is missing.")
     values = {}
@@ -157,7 +253,12 @@ def _check_unit(unit: Any, key: str, source: str | Path) -> None:
 def _units() -> dict[str, str]:
     """The unit of each key, as the vehicles of the package have it."""
     data = tomllib.loads(vehicle_text("seawing"))
-    return {
+    own = {
+        f"{table}.{key}": unit
+        for table, units in _OWN_UNITS.items()
+        for key, unit in units.items()
+    }
+    return own | {
         f"{table}.{key}": entry["unit"]
         for table in ("parameters", "limits", "rates", "body")
         for key, entry in data[table].items()

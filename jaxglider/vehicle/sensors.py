@@ -97,9 +97,4 @@ def measured(truth: Measurement, errors: Mapping[str, Scalar] | None) -> Measure
     if errors is None:
         return truth
     state = with_errors(truth.state, errors)
-    return Measurement(
-        state=state,
-        attitude=state.attitude(),
-        applied=truth.applied,
-        disturbance=truth.disturbance,
-    )
+    return dataclasses.replace(truth, state=state, attitude=state.attitude())

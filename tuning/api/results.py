@@ -20,7 +20,7 @@ from tuning.campaign.analysis.summary import CampaignSummary, text_summary
 from tuning.campaign.report import figures
 from tuning.campaign.report.conclude import write_conclusions
 from tuning.campaign.run.campaign import Campaign
-from tuning.campaign.run.rows import COLUMNS, Rows
+from tuning.campaign.run.rows import Rows, columns_of
 from tuning.campaign.run.store import Manifest, opened, prepare
 from tuning.evaluation.held_out import Verdict
 from tuning.evaluation.report import (
@@ -234,7 +234,7 @@ class SweepResult:
                 ("member", "loop"),
                 outcomes[:, :, column],
             )
-            for column, name in enumerate(COLUMNS)
+            for column, name in enumerate(columns_of(flight=self.rows.has_flight))
         }
         return xarray.Dataset(
             {**draws, **runs},

@@ -15,7 +15,7 @@ from jaxglider.uncertainty.members import Uncertainty
 from jaxglider.uncertainty.quantities import uniform_uncertainty
 from tuning.api.results import SweepResult
 from tuning.campaign.analysis.requirements import Requirement, requirement
-from tuning.campaign.analysis.summary import MEASURES
+from tuning.campaign.analysis.summary import measures_of
 from tuning.campaign.execute import Work
 from tuning.campaign.report.conclude import (
     Conclusions,
@@ -88,7 +88,7 @@ def sweep(
     rules = [_requirement(text) for text in texts("require", require)]
     campaign = _campaign(named, uncertainty, members, seed, design, until_ci, title)
     for rule in rules:
-        rule.check(campaign.labels, MEASURES)
+        rule.check(campaign.labels, measures_of(flight=campaign.has_flight))
     conclusions = Conclusions(confidence, rules, sensitivity)
     shown: Progress = BarProgress() if progress else SilentProgress()
     if resume and out is None:

@@ -188,6 +188,12 @@ def _cache(options: argparse.Namespace) -> int:
     return cache(options)
 
 
+def _missions(options: argparse.Namespace) -> int:
+    from tuning.cli.commands.vehicles import missions
+
+    return missions(options)
+
+
 def _vehicles(options: argparse.Namespace) -> int:
     start_jax(64)
     from tuning.cli.commands.vehicles import vehicles
@@ -215,6 +221,7 @@ _COMMANDS = {
     "init": _init,
     "validate": _validate,
     "cache": _cache,
+    "missions": _missions,
     "vehicles": _vehicles,
     "trim": _trim,
 }

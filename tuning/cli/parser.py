@@ -14,13 +14,15 @@ from tuning.cli.options.arguments import (
     add_common,
     add_dt,
     add_mission,
+    count,
     law,
+    mission_file,
     seed,
 )
 from tuning.cli.options.export import add_controller_binary, add_export
 from tuning.cli.options.short_errors import Parser
 from tuning.cli.options.sweep import add_merge, add_rerun, add_sweep
-from tuning.cli.options.trim import add_trim, add_vehicles
+from tuning.cli.options.trim import add_missions, add_trim, add_vehicles
 from tuning.cli.options.tune import add_check, add_tune
 from tuning.cli.options.worst import add_worst
 
@@ -48,6 +50,7 @@ def parser() -> argparse.ArgumentParser:
     _add_init(commands)
     _add_validate(commands)
     _add_cache(commands)
+    add_missions(commands)
     add_vehicles(commands)
     add_trim(commands)
     for command in commands.choices.values():
@@ -104,6 +107,13 @@ def _add_simulate(commands: Any) -> None:
     parser.add_argument(
         "--seed", type=seed, metavar="N", help="of the sea, instead of the file's"
     )
+    parser.add_argument(
+        "--keep-every",
+        type=count,
+        default=1,
+        metavar="N",
+        help="record every Nth tick alone, which must divide their number; default: 1",
+    )
     steered = parser.add_mutually_exclusive_group()
     steered.add_argument(
         "--controller",
@@ -138,7 +148,7 @@ def _add_init(commands: Any) -> None:
 def _add_validate(commands: Any) -> None:
     text = "check a mission file without running it"
     parser = commands.add_parser("validate", help=text, description=text + ".")
-    parser.add_argument("path", type=Path, metavar="FILE")
+    parser.add_argument("path", type=mission_file, metavar="FILE")
 
 
 def _add_cache(commands: Any) -> None:

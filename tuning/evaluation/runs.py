@@ -4,19 +4,23 @@ import argparse
 import dataclasses
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jax
 
-from jaxglider.files.results import metrics_dict, write_trajectories
+from jaxglider.files.results import json_number, metrics_dict, write_trajectories
 from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import provenance, write_json, write_text
+from jaxglider.guidance.phases import STATUS_TEXTS, STATUSES
 from jaxglider.plotting import save_all
 from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.flight import halves
 from jaxglider.simulation.rollout import Trajectory, simulate
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
+from tuning.reporting.flights import markdown_flight, text_flight
 from tuning.reporting.tables import markdown_tables, text_table
 
 
@@ -47,22 +51,35 @@ class FinishedRun:
             "published_case": self.entry.published,
             **metrics_dict(
                 self.trajectory.metrics,
-                has_waypoints=self.entry.loop.scenario.reference.can_finish,
+                has_waypoints=self.entry.loop.scenario.reference.waypoints is not None,
             ),
+            **self._flight(),
         }
 
+    def _flight(self) -> dict[str, Any]:
+        """Dive by dive, where yos were flown."""
+        rows = halves(self.trajectory)
+        plain = [{key: json_number(value) for key, value in r.items()} for r in rows]
+        return {"halves": plain} if plain else {}
 
-def run_all(entries: list[PlannedRun], seed: int) -> tuple[list[FinishedRun], bool]:
+
+def run_all(
+    entries: list[PlannedRun], seed: int, keep_every: int = 1
+) -> tuple[list[FinishedRun], bool]:
     """Run the entries one after the other; an interruption keeps what is done.
 
     Args:
         entries: runs to make.
         seed: seed of the sea, one for all.
+        keep_every: ticks from one that is recorded to the next.
+
+    Raises:
+        ValueError: it does not divide the ticks of a run.
 
     Returns:
         The runs made, and whether they were interrupted.
     """
-    run = jax.jit(simulate)
+    run = jax.jit(partial(simulate, keep_every=keep_every))
     progress, done = Progress(), []
     try:
         for number, entry in enumerate(entries, 1):
@@ -110,21 +127,28 @@ def report_runs(
     for key in dict.fromkeys((s["scenario"], s["plant"]) for s in summaries):
         group = [s for s in summaries if (s["scenario"], s["plant"]) == key]
         tables.append(text_table(group) + "\n")
+        tables += [text + "\n" for text in map(text_flight, group) if text]
     print_result(result, "\n".join(tables), as_json=options.json)
     _write(options.out, done, result)
     failed = [s for s in summaries if not s["finite"]]
     for run in failed:
         note(f"{run['scenario']}, {run['controller']}: the run became non-finite.")
+    missed = [s for s in summaries if s.get("status", "completed") != "completed"]
+    for run in missed:
+        text = STATUS_TEXTS[STATUSES.index(run["status"])]
+        note(f"{run['scenario']}, {run['controller']}: {run['status']}: {text}.")
     if interrupted:
         return INTERRUPTED
-    return RUN_FAILED if failed else OK
+    return RUN_FAILED if failed or missed else OK
 
 
 def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
     progress = Progress()
     progress.show(f"writing to {out} ...")
     write_json(out / "metrics.json", result)
-    write_text(out / "tables.md", markdown_tables(result["runs"]))
+    flights = [line for run in result["runs"] for line in markdown_flight(run)]
+    text = markdown_tables(result["runs"]) + "\n".join(flights)
+    write_text(out / "tables.md", text)
     runs = {
         f"{d.entry.scenario}/{d.entry.plant}/{d.entry.controller}": d.trajectory
         for d in done

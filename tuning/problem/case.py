@@ -79,11 +79,12 @@ class FlightCase:
         scenario = mission.loop.scenario
         if duration is not None:
             clock = scenario.clock
-            clock = Clock.lasting(duration, float(clock.dt), clock.substeps)
+            longer = Clock.lasting(duration, float(clock.dt), clock.substeps)
+            clock = dataclasses.replace(longer, moving=clock.moving)
             scenario = dataclasses.replace(scenario, clock=clock)
         return cls(
             mission.name,
-            paper_case(scenario.reference.can_finish),
+            paper_case(scenario.reference.waypoints is not None),
             mission.plant,
             scenario,
             mission.model,
@@ -102,7 +103,7 @@ class FlightCase:
             title: name of what is flown, for reports.
         """
         scenario = loop.scenario
-        case = paper_case(scenario.reference.can_finish)
+        case = paper_case(scenario.reference.waypoints is not None)
         if scenario.specification is None:
             prescribed = paper.specification(case, scenario.plant)
             scenario = dataclasses.replace(scenario, specification=prescribed)

@@ -41,6 +41,8 @@ class Weights:
         roll_limit: largest roll that costs nothing [rad]; None for the bank limit that
             is specified, or 1.5 where none is.
         saturation: smooth share of the command that the actuators do not follow.
+        energy: energy per km through the water over its start, where yos are flown.
+        steering: travel of the steering over its start, where yos are flown.
 
     Raises:
         ValueError: a weight is negative or not finite, or all are zero.
@@ -54,6 +56,8 @@ class Weights:
     roll: float = 0.0
     roll_limit: float | None = None
     saturation: float | tuple[float, ...] = 0.0
+    energy: float = 0.0
+    steering: float = 0.0
 
     def __post_init__(self) -> None:
         values = {
@@ -131,7 +135,27 @@ class Objective(eqx.Module):
                 by_channel(getattr(self.weights, name)), values, strict=True
             ):
                 total = total + weight * value
-        return total
+        return total + self._flight(metrics)
+
+    def _flight(self, metrics: Metrics) -> Scalar | float:
+        """The terms of a flight; nothing where they weigh nothing.
+
+        Raises:
+            ValueError: they weigh something, and no flight is measured.
+        """
+        weights, flight, start = self.weights, metrics.flight, self.baseline.flight
+        if not (weights.energy or weights.steering):
+            return 0.0
+        if flight is None or start is None:
+            raise ValueError(
+                "the weights energy and steering need a mission that flies yos, or one "
+                "with a table [energy]; this one measures no flight."
+            )
+        used = flight.energy_per_through_water
+        travel = flight.travel.mass_angle
+        energy = used / (start.energy_per_through_water + 1e-12)
+        steering = travel / (start.travel.mass_angle + 1e-12)
+        return weights.energy * energy + weights.steering * steering
 
     def cost_scale(self) -> float:
         """Cost of a run like the start: the scale of poor and of failed ones.
@@ -159,7 +183,8 @@ class Objective(eqx.Module):
             total = sum(sum(by_channel(getattr(self.weights, n))) for n in names)
             if total > 0.0:
                 return total
-        return self.weights.roll
+        flight = self.weights.energy + self.weights.steering
+        return flight or self.weights.roll
 
     def terms(self, metrics: Metrics) -> dict[str, tuple[Scalar, ...]]:
         """Each term of the channels without its weights, in their order."""

@@ -48,6 +48,9 @@ def text_table(runs: list[dict[str, Any]]) -> str:
     ]
     for channel, unit in CHANNEL_UNITS.items():
         for run in runs:
+            # A glider whose ballast is set once per phase tracks no depth.
+            if channel == "depth" and "halves" in run:
+                continue
             measures = run["channels"][channel]
             cells = "".join(f"{figure(measures[k]):>10}" for k in _COLUMNS)
             if compared:
@@ -67,6 +70,8 @@ def outcome(run: dict[str, Any]) -> str:
     if run["waypoints_reached"] is not None:
         words.append(f"{run['waypoints_reached']} waypoints reached")
     words.append(f"max roll {turned}")
+    if "status" in run:
+        words.append(run["status"])
     if not run["finite"]:
         words.append("FAILED: not finite")
     elif run["capsized"]:

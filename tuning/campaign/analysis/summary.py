@@ -36,6 +36,36 @@ MEASURES = (
     "end_time",
 )
 """Columns that are summarised."""
+FLIGHT_MEASURES = tuple(
+    f"flight.{name}"
+    for name in (
+        "total_energy",
+        "energy_per_made_good",
+        "energy_per_through_water",
+        "energy.pump",
+        "made_good",
+        "through_water",
+        "dive_time",
+        "climb_time",
+        "overshoot",
+        "pitch_error",
+        "heading_error",
+        "on_heading",
+        "depth_rate",
+        "pushed",
+        "moves.mass_position",
+        "moves.mass_angle",
+        "travel.mass_angle",
+    )
+)
+"""Columns of flights of yos that are summarised besides."""
+
+
+def measures_of(*, flight: bool) -> tuple[str, ...]:
+    """Columns that are summarised, of flights of yos or of other runs."""
+    return (*MEASURES, *FLIGHT_MEASURES) if flight else MEASURES
+
+
 COMPARED = tuple(
     f"{channel}.{measure}"
     for channel in CHANNELS
@@ -57,6 +87,7 @@ class ControllerSummary:
         median_member: number of the member of median severity.
         measures: quantiles and means of each of `MEASURES`, with intervals.
         not_flown: number of members whose last waypoint is reached where they start.
+        ends: number of members by the end of their mission, where yos are flown.
         rank_correlations: uncertain numbers that drive each output, strongest first.
         broken: probability that each part of the specification is broken, `any` first,
             with its interval.
@@ -73,6 +104,7 @@ class ControllerSummary:
     median_member: int
     measures: dict[str, Any]
     not_flown: int = 0
+    ends: dict[str, int] = dataclasses.field(default_factory=dict)
     broken: dict[str, Any] = dataclasses.field(default_factory=dict)
     ledger: dict[str, Any] = dataclasses.field(default_factory=dict)
     rank_correlations: dict[str, Any] = dataclasses.field(default_factory=dict)
@@ -149,9 +181,11 @@ def summarise(
             worst_member=ranked(table, number)[-1],
             median_member=ranked(table, number)[(len(table) - 1) // 2],
             measures={
-                name: spread(table.column(number, name), level) for name in MEASURES
+                name: spread(table.column(number, name), level)
+                for name in measures_of(flight=table.has_flight)
             },
             not_flown=int(np.sum(table.raw(number, "end_time") == 0.0)),
+            ends=table.ends(number),
         )
         for number, (label, kind) in enumerate(zip(table.labels, kinds, strict=True))
     }
@@ -246,17 +280,27 @@ def text_summary(summary: CampaignSummary) -> str:
         f"{100 * uncertainty:g} %" if isinstance(uncertainty, float) else "from a file"
     )
     rows = [["probability", *controllers]]
+    flights = any(of.ends for of in controllers.values())
     for name, title in LINES.items():
-        if name == "p_unfinished" and not summary.has_waypoints:
+        if name == "p_unfinished" and not (summary.has_waypoints or flights):
+            continue
+        # A glider whose ballast is set once per phase tracks no depth.
+        if name == "p_violation_depth" and flights:
             continue
         entries = [of.probabilities[name] for of in controllers.values()]
         rows.append([title, *map(in_interval, entries)])
     rows += _specified(controllers)
     rows.append(["95 % of members below"])
     for channel, unit in CHANNEL_UNITS.items():
+        if channel == "depth" and flights:
+            continue
         name = f"{channel}.rms_error"
         entries = [of.measures[name]["q95"] for of in controllers.values()]
         rows.append([f"  {channel} L2[e] [{unit}]", *map(_quantile, entries)])
+    if flights:
+        name = "flight.energy_per_through_water"
+        entries = [of.measures[name]["q95"] for of in controllers.values()]
+        rows.append(["  energy [kJ/km]", *map(_quantile, entries)])
     lines = [
         f"{summary.members} members, {summary.scenario} on {summary.plant}, "
         f"uncertainty {half}, {100 * summary.confidence:g} % intervals",
@@ -267,6 +311,9 @@ def text_summary(summary: CampaignSummary) -> str:
             f"{label}: worst member {controller.worst_member}, "
             f"median {controller.median_member}"
         )
+        if controller.ends:
+            counts = ", ".join(f"{n} {name}" for name, n in controller.ends.items())
+            lines.append(f"{label}: {counts}")
         if controller.not_flown:
             lines.append(
                 f"{label}: {controller.not_flown} members flew nothing, their last "

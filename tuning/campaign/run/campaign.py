@@ -158,6 +158,11 @@ class Campaign:
         return tuple(gains.label for gains in self.settings.gains)
 
     @property
+    def has_flight(self) -> bool:
+        """Whether yos are flown."""
+        return self.uncertainty.scenario.reference.phased
+
+    @property
     def waypoints(self) -> int | None:
         """Number of waypoints of the course, or None where there is no course."""
         return self.uncertainty.scenario.reference.waypoints

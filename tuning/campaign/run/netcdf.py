@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxglider.files.results import write_head
 from jaxglider.files.writing import replacing
-from tuning.campaign.run.rows import COLUMNS, FLAGS, unit
+from tuning.campaign.run.rows import FLAGS, unit
 from tuning.campaign.run.store import Manifest
 
 
@@ -50,7 +50,7 @@ def write_members(
             )
             variable.units, variable.long_name = units, f"drawn value of {place}"
             variable[:] = rows["values"][:, column]
-        for column, name in enumerate(COLUMNS):
+        for column, name in enumerate(manifest.columns):
             _write_column(file, name, rows["metrics"][:, :, column])
 
 

@@ -13,6 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxglider.files.results import FLIGHT_UNITS
+from jaxglider.guidance.phases import COMPLETED, STATUSES
 from jaxglider.signals import (
     CHANNEL_UNITS,
     CHANNELS,
@@ -22,8 +24,10 @@ from jaxglider.signals import (
     GliderState,
     zeros,
 )
+from jaxglider.simulation.flight import FlightMetrics
 from jaxglider.simulation.metrics import ChannelMetrics, Metrics, empty_sums, finish
 from jaxglider.simulation.specification import Specification
+from jaxglider.vehicle.energy import Consumers
 from tuning.reporting.violations import violations
 from tuning.reporting.witness import Witness
 
@@ -32,7 +36,11 @@ _EFFORTS = dict(zip(CHANNELS, COMMAND_UNITS.values(), strict=True))
 
 AXES = tuple(field.name for field in dataclasses.fields(BodyAxes))
 MEASURES = tuple(field.name for field in dataclasses.fields(ChannelMetrics))
-OUTCOMES = tuple(f.name for f in dataclasses.fields(Metrics) if f.name != "channels")
+OUTCOMES = tuple(
+    f.name
+    for f in dataclasses.fields(Metrics)
+    if f.name not in ("channels", "status", "flight")
+)
 FLAGS = ("finite", "capsized")
 METRIC_COLUMNS = (*(f"{c}.{m}" for c in CHANNELS for m in MEASURES), *OUTCOMES)
 _WATCHED = {
@@ -51,6 +59,26 @@ _WATCHED = {
 _NAMES = {path: name for name, path in _WATCHED.items()}
 COLUMNS = (*METRIC_COLUMNS, *_WATCHED)
 """Names of what is kept of a run, in the order of the rows."""
+_BY_CONSUMER = tuple(f"energy.{f.name}" for f in dataclasses.fields(Consumers))
+_BY_ACTUATOR = tuple(
+    f"{x}.{name}" for x in ("moves", "travel") for name in COMMAND_UNITS
+)
+_PLAIN = tuple(
+    f.name
+    for f in dataclasses.fields(FlightMetrics)
+    if f.name not in ("energy", "moves", "travel")
+)
+FLIGHT_COLUMNS = (
+    "status",
+    *(f"flight.{name}" for name in (*_PLAIN, *_BY_CONSUMER, *_BY_ACTUATOR)),
+)
+"""Names of what is kept of a flight of yos besides, after the others."""
+ALL_COLUMNS = (*COLUMNS, *FLIGHT_COLUMNS)
+
+
+def columns_of(*, flight: bool) -> tuple[str, ...]:
+    """Names of what is kept of a run, of a flight of yos or of another."""
+    return ALL_COLUMNS if flight else COLUMNS
 
 
 MAY_LACK = ("max_error_settled",)
@@ -68,6 +96,8 @@ def flatten(metrics: Metrics, witness: Witness | None = None) -> np.ndarray:
     columns = [attrgetter(path)(metrics) for path in paths]
     if witness is not None:
         columns += [attrgetter(path)(witness) for path in _WATCHED.values()]
+        if metrics.status is not None:
+            columns += [attrgetter(path)(metrics) for path in FLIGHT_COLUMNS]
     return np.stack([np.asarray(x, np.float64) for x in columns], axis=-1)
 
 
@@ -93,6 +123,11 @@ def metrics_and_witness(values: np.ndarray) -> tuple[Metrics, Witness]:
 def unit(column: str) -> str:
     """SI unit of a column."""
     channel, _, measure = column.rpartition(".")
+    if channel.startswith("flight"):
+        if channel == "flight.travel":
+            return COMMAND_UNITS[measure]
+        name = "energy" if channel == "flight.energy" else measure
+        return FLIGHT_UNITS.get(name, "1").replace("_", "/")
     if measure in ("max_error", "max_error_settled", "rms_error"):
         return CHANNEL_UNITS[channel]
     if measure in ("rms_effort", "chattering", "travel"):
@@ -104,18 +139,19 @@ def unit(column: str) -> str:
     return {"end_time": "s", "max_roll": "rad", "max_pitch": "rad"}.get(measure, "1")
 
 
-def row_type(quantities: int, gains: int) -> np.dtype:
+def row_type(quantities: int, gains: int, columns: int = len(COLUMNS)) -> np.dtype:
     """Type of the rows of a campaign.
 
     Args:
         quantities: number of uncertain numbers.
         gains: number of sets of gains that are compared.
+        columns: number of what is kept of a run.
     """
     return np.dtype(
         [
             ("member", "<i8"),
             ("values", "<f8", (quantities,)),
-            ("metrics", "<f8", (gains, len(COLUMNS))),
+            ("metrics", "<f8", (gains, columns)),
             ("check", "<u4"),
         ]
     )
@@ -129,7 +165,7 @@ def make_rows(first: int, values: np.ndarray, metrics: np.ndarray) -> np.ndarray
         values: values of the uncertain numbers, one row a member.
         metrics: results, with axes of member, set of gains and column.
     """
-    rows = np.zeros(len(values), row_type(values.shape[1], metrics.shape[1]))
+    rows = np.zeros(len(values), row_type(values.shape[1], *metrics.shape[1:]))
     rows["member"] = np.arange(first, first + len(values))
     rows["values"], rows["metrics"] = values, metrics
     rows["check"] = checksums(rows)
@@ -169,7 +205,20 @@ class Rows:
 
     def raw(self, gains: int, name: str) -> np.ndarray:
         """A column as it was computed, NaN and all."""
-        return np.array(self.rows["metrics"][:, gains, COLUMNS.index(name)])
+        return np.array(self.rows["metrics"][:, gains, ALL_COLUMNS.index(name)])
+
+    @property
+    def has_flight(self) -> bool:
+        """Whether yos were flown."""
+        return bool(self.rows["metrics"].shape[-1] == len(ALL_COLUMNS))
+
+    def ends(self, gains: int) -> dict[str, int]:
+        """Number of members by the end of their mission; none without yos."""
+        if not self.has_flight:
+            return {}
+        numbers = self.raw(gains, "status")
+        counts = [int(np.sum(numbers == n)) for n in range(len(STATUSES))]
+        return {name: n for name, n in zip(STATUSES, counts, strict=True) if n}
 
     def failed(self, gains: int) -> np.ndarray:
         """Flags of the runs that became non-finite."""
@@ -182,7 +231,7 @@ class Rows:
         """
         values = self.raw(gains, name)
         sound = np.isfinite(values)
-        if name.rpartition(".")[2] in MAY_LACK:
+        if name.rpartition(".")[2] in MAY_LACK or name.startswith("flight."):
             sound |= np.isnan(values)
         return np.where(self.failed(gains) | ~sound, np.inf, values)
 
@@ -207,6 +256,8 @@ class Rows:
     def unfinished(self, gains: int, waypoints: int | None) -> np.ndarray:
         """Flags of members that missed the last waypoint in time; failures did too."""
         failed = self.failed(gains)
+        if self.has_flight:
+            return failed | (self.raw(gains, "status") != COMPLETED)
         if waypoints is None:
             return failed
         return failed | (self.raw(gains, "waypoints_reached") < waypoints)

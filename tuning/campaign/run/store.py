@@ -20,7 +20,7 @@ import numpy as np
 from jaxglider.core.toml import reason
 from jaxglider.files.writing import write_json
 from tuning.campaign.run.campaign import Campaign, CampaignSettings, fingerprint_of
-from tuning.campaign.run.rows import COLUMNS, checksums, row_type
+from tuning.campaign.run.rows import checksums, columns_of, row_type
 
 FORMAT = 1
 _AT_ONCE = 4096
@@ -41,6 +41,7 @@ class Manifest:
         first: number of the first member here.
         last: number after the last one.
         about: versions and hardware that made the rows.
+        has_flight: flag, yos are flown, and more is kept of a run.
     """
 
     settings: CampaignSettings
@@ -49,6 +50,7 @@ class Manifest:
     first: int
     last: int
     about: dict[str, Any]
+    has_flight: bool = False
 
     @classmethod
     def of(
@@ -62,18 +64,25 @@ class Manifest:
             first,
             last,
             about,
+            campaign.has_flight,
         )
 
     def row_type(self) -> np.dtype:
         """Type of the rows."""
-        return row_type(len(self.quantities), len(self.labels))
+        return row_type(len(self.quantities), len(self.labels), len(self.columns))
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of what is kept of a run."""
+        return columns_of(flight=self.has_flight)
 
     def write(self, folder: Path) -> None:
         """Write `campaign.json`."""
         table = dataclasses.asdict(self)
+        del table["has_flight"]
         head = {"format": FORMAT, "fingerprint": self.settings.fingerprint()}
         write_json(
-            folder / "campaign.json", {**head, "columns": list(COLUMNS), **table}
+            folder / "campaign.json", {**head, "columns": list(self.columns), **table}
         )
 
 
@@ -94,7 +103,9 @@ def read_manifest(folder: Path) -> Manifest:
     except (OSError, ValueError) as error:
         raise ValueError(f"{path} cannot be read ({reason(error)}).") from error
     try:
-        if table["format"] != FORMAT or table["columns"] != list(COLUMNS):
+        kept = table["columns"]
+        flights = [x for x in (False, True) if kept == list(columns_of(flight=x))]
+        if table["format"] != FORMAT or not flights:
             raise ValueError("it was made by another version; run the sweep anew")
         quantities = tuple(tuple(entry) for entry in table["quantities"])
         manifest = Manifest(
@@ -104,6 +115,7 @@ def read_manifest(folder: Path) -> Manifest:
             table["first"],
             table["last"],
             table["about"],
+            flights[0],
         )
         if fingerprint_of(table["settings"]) != table["fingerprint"]:
             raise ValueError("it has been changed by hand")

@@ -4,7 +4,7 @@ import argparse
 import sys
 
 from jaxglider.files.writing import provenance
-from tuning.campaign.analysis.summary import MEASURES, text_summary
+from tuning.campaign.analysis.summary import measures_of, text_summary
 from tuning.campaign.report.conclude import conclude, exit_code, write_conclusions
 from tuning.campaign.run.campaign import build
 from tuning.campaign.run.shards import join, read_shards
@@ -19,7 +19,7 @@ def merge(options: argparse.Namespace) -> int:
     """`jaxglider merge`: the rows of the whole campaign, byte for byte."""
     shards = read_shards(options.folders)
     for rule in options.require:
-        rule.check(shards[0][1].labels, MEASURES)
+        rule.check(shards[0][1].labels, measures_of(flight=shards[0][1].has_flight))
     merged = join(shards, options.out, overwrite=options.overwrite)
     campaign = build(merged.settings)
     about = provenance(

@@ -26,7 +26,6 @@ from tuning.campaign.run.campaign import Campaign, build
 from tuning.campaign.run.engine import Engine
 from tuning.campaign.run.loop import compute, draw
 from tuning.campaign.run.rows import (
-    COLUMNS,
     METRIC_COLUMNS,
     Rows,
     flatten,
@@ -176,7 +175,9 @@ def _result(
     row = {
         label: {
             name: {"value": _plain(value), "unit": unit(name)}
-            for name, value in zip(COLUMNS, kept["metrics"][number], strict=True)
+            for name, value in zip(
+                manifest.columns, kept["metrics"][number], strict=True
+            )
         }
         for number, label in enumerate(runs)
     }

@@ -27,7 +27,7 @@ def simulate_mission(options: argparse.Namespace) -> int:
     if options.config is None:
         raise ValueError(
             "a mission file is required: MISSION or --config FILE. `jaxglider init` "
-            "writes one to start from."
+            "writes one to start from, `jaxglider missions` lists some that fly."
         )
     mission = load_mission(options.config)
     if mission.stand_ins:
@@ -45,7 +45,7 @@ def simulate_mission(options: argparse.Namespace) -> int:
     for warning in start_warnings(loop):
         note(f"warning: {warning}")
     entry = PlannedRun(mission.name, mission.plant, name, loop, published=False)
-    done, interrupted = run_all([entry], seed=seed)
+    done, interrupted = run_all([entry], seed=seed, keep_every=options.keep_every)
     return report_runs(options, done, interrupted, seed)
 
 

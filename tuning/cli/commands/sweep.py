@@ -13,7 +13,11 @@ from jaxglider.files.writing import provenance
 from tuning.api.worst import worst as find_worst_member
 from tuning.campaign.analysis.bisection import find_threshold
 from tuning.campaign.analysis.requirements import SPECIFICATION
-from tuning.campaign.analysis.summary import MEASURES, CampaignSummary, text_summary
+from tuning.campaign.analysis.summary import (
+    CampaignSummary,
+    measures_of,
+    text_summary,
+)
 from tuning.campaign.execute import Execution, execute, execute_on_hosts
 from tuning.campaign.report.levels import folder_names, named, write_levels
 from tuning.campaign.run.campaign import Campaign, build
@@ -43,7 +47,10 @@ def sweep(options: argparse.Namespace) -> int:
     names = folder_names(levels)
     campaigns = {level: build(campaign_settings(options, level)) for level in levels}
     for rule in options.require:
-        rule.check(campaigns[levels[0]].labels, MEASURES)
+        rule.check(
+            campaigns[levels[0]].labels,
+            measures_of(flight=campaigns[levels[0]].has_flight),
+        )
     codes: list[int] = []
     summaries: dict[str, CampaignSummary] = {}
     for level, campaign in campaigns.items():
@@ -107,7 +114,7 @@ def _find_level(options: argparse.Namespace) -> int:
     def holds(level: float) -> bool:
         campaign = build(campaign_settings(options, level))
         for rule in options.require:
-            rule.check(campaign.labels, MEASURES)
+            rule.check(campaign.labels, measures_of(flight=campaign.has_flight))
         (name,) = folder_names([level]).values()
         code, summary = _execute(options, campaign, options.out / name)
         if code in (INTERRUPTED, RUN_FAILED) or summary is None:

@@ -1,6 +1,8 @@
 """Arguments that commands share, and what they may be; nothing here imports JAX."""
 
 import argparse
+import difflib
+import importlib.util
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +14,7 @@ SCENARIOS = ("switching", "waypoints")
 PLANTS = ("printed", "rigid-body", "seawing")
 ACTUATORS = ("vehicle", "ideal")
 PAPER_CONTROLLERS = ("smc", "ppc", "fxtppc")
-CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll")
+CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll", "slocum")
 HELD_BY_DEFAULT = (
     "k1-below-k2-squared",
     "inside-specification",
@@ -108,6 +110,40 @@ def checked(text: str, kind: Any, holds: Callable[[Any], bool], rule: str) -> An
     return value
 
 
+def shipped_missions() -> dict[str, Path]:
+    """Files of the missions of the package by their names; the package stays asleep."""
+    spec = importlib.util.find_spec("jaxglider")
+    if spec is None or spec.origin is None:
+        return {}
+    folder = Path(spec.origin).parent / "files" / "flight" / "missions"
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+
+
+def mission_file(text: str) -> Path:
+    """A mission file, or that of a mission of the package where there is no such file.
+
+    An existing file or folder of that name stands before it.
+    """
+    path = Path(text)
+    return path if path.exists() else shipped_missions().get(text, path)
+
+
+def mission_name(text: str) -> Path:
+    """The file of a mission of the package.
+
+    Raises:
+        argparse.ArgumentTypeError: there is none of that name.
+    """
+    known = shipped_missions()
+    if text not in known:
+        near = difflib.get_close_matches(text, known, 1)
+        hint = f" Did you mean {near[0]}?" if near else ""
+        raise argparse.ArgumentTypeError(
+            f"must be one of {', '.join(known)}; received {text!r}.{hint}"
+        )
+    return known[text]
+
+
 def add_dt(parser: argparse.ArgumentParser) -> None:
     """The control tick."""
     parser.add_argument(
@@ -135,10 +171,18 @@ def add_mission(parser: argparse.ArgumentParser, text: str) -> None:
     parser.add_argument(
         "config",
         nargs="?",
-        type=Path,
+        type=mission_file,
         action=Mission,
         metavar="MISSION",
-        help="mission file, as --config FILE",
+        help="mission file, as --config FILE, or name, as --mission NAME",
+    )
+    parser.add_argument(
+        "--mission",
+        dest="config",
+        type=mission_name,
+        action=Mission,
+        metavar="NAME",
+        help="mission of the package (`jaxglider missions` lists them)",
     )
     parser.add_argument(
         "--config", type=Path, action=Mission, metavar="FILE", help=text

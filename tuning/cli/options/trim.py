@@ -29,6 +29,14 @@ def not_zero(text: str) -> float:
     )
 
 
+def add_missions(commands: Any) -> None:
+    """`jaxglider missions`."""
+    text = "list the missions of the package"
+    parser = commands.add_parser("missions", help=text, description=text + ".")
+    parser.add_argument("--show", metavar="NAME", help="print the file of one")
+    parser.add_argument("--json", action="store_true", help="print them as JSON")
+
+
 def add_vehicles(commands: Any) -> None:
     """`jaxglider vehicles`."""
     text = "list the vehicles that come with the package"

@@ -61,7 +61,7 @@ def refuse_beside_mission(options: argparse.Namespace) -> None:
     if options.config is None:
         return
     for name in ("scenario", "plant", "dt", "actuators"):
-        if getattr(options, name) is not None:
+        if getattr(options, name, None) is not None:
             raise ValueError(
                 f"--{name} does not go with --config; the mission file "
                 f"{options.config} says it itself. Leave it out."

@@ -1,0 +1,1 @@
+"""Tables of yo missions, and the missions that come with the package."""

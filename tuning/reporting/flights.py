@@ -1,0 +1,109 @@
+"""Flights of yos as text: the mission as a whole, and dive by dive."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from tuning.reporting.tables import markdown_table
+
+DEGREE = 180.0 / math.pi
+_HALVES = (
+    # title, key, factor, digits
+    ("time [s]", "duration_s", 1.0, 0),
+    ("from [m]", "trigger_depth_m", 1.0, 1),
+    ("over [m]", "overshoot_m", 1.0, 2),
+    ("settled [s]", "settle_time_s", 1.0, 0),
+    ("peak [deg]", "peak_pitch_rad", DEGREE, 1),
+    ("pitch [deg]", "pitch_rad", DEGREE, 1),
+    ("std [deg]", "pitch_deviation_rad", DEGREE, 1),
+    ("heading rms [deg]", "heading_error_rad", DEGREE, 1),
+    ("in 10 deg [%]", "on_heading", 100.0, 0),
+    ("w [m/s]", "depth_rate_m_s", 1.0, 3),
+    ("energy [J]", "energy_J", 1.0, 0),
+)
+_CONSUMERS = ("pump", "position", "steering", "hotel", "surface", "communication")
+MOST = 12
+"""Halves that a terminal is shown; files have all."""
+
+
+def text_flight(run: dict[str, Any]) -> str:
+    """The flight of a run for a terminal, or nothing where none was measured."""
+    if "flight" not in run:
+        return ""
+    lines = [*_mission(run), ""]
+    rows = _rows(run.get("halves", []))
+    if rows:
+        widths = [len(title) + 2 for title, *_ in _HALVES]
+        lines.append(f"{'half':<9}" + _line([t for t, *_ in _HALVES], widths))
+        for name, cells in rows[:MOST]:
+            lines.append(f"{name:<9}" + _line(cells, widths))
+        if len(rows) > MOST:
+            lines.append(f"... and {len(rows) - MOST} more, in the files.")
+    return "\n".join(lines)
+
+
+def markdown_flight(run: dict[str, Any]) -> list[str]:
+    """The same as Markdown, every half."""
+    if "flight" not in run:
+        return []
+    lines = [f"\n### Flight of {run['scenario']}, {run['controller']}\n"]
+    lines += [f"- {line}" for line in _mission(run)] + [""]
+    rows = [[name, *cells] for name, cells in _rows(run.get("halves", []))]
+    if rows:
+        lines += markdown_table(["half", *(t for t, *_ in _HALVES)], rows, 1)
+    return lines
+
+
+def _mission(run: dict[str, Any]) -> list[str]:
+    f = _numbers(run["flight"])
+    energy = ", ".join(f"{name} {f['energy_J'][name]:.0f}" for name in _CONSUMERS)
+    moves, travel = f["moves"], f["travel"]
+    lines = [
+        f"{run['status']}: {f['dives']:.0f} dives, {f['climbs']:.0f} climbs, "
+        f"{f['surfacings']:.0f} surfacings, {f['surface_time_s']:.0f} s at the surface",
+        f"made good {_figure(f['made_good_m'], 0)} m, through the water "
+        f"{_figure(f['through_water_m'], 0)} m",
+        f"pump: {f['strokes']:.0f} strokes, {f['pushed_kg']:.2f} kg pushed out; moves: "
+        f"mass {moves['mass_position']:.0f} ({travel['mass_position']:.2f} m), "
+        f"steering {moves['mass_angle']:.0f} "
+        f"({travel['mass_angle'] * DEGREE:.0f} deg)",
+    ]
+    if f["total_energy_J"] > 0.0:
+        lines.insert(
+            2,
+            f"energy {f['total_energy_J'] / 1e3:.1f} kJ [J: {energy}]; "
+            f"{_figure(f['energy_per_made_good_J_m'], 2)} kJ/km made good, "
+            f"{_figure(f['energy_per_through_water_J_m'], 2)} through the water",
+        )
+    return lines
+
+
+def _numbers(table: dict[str, Any]) -> dict[str, Any]:
+    """The table with NaN for None, which stands for what a failed run has lost."""
+    return {
+        key: _numbers(value)
+        if isinstance(value, dict)
+        else (math.nan if value is None else value)
+        for key, value in table.items()
+    }
+
+
+def _rows(halves: Sequence[dict[str, Any]]) -> list[tuple[str, list[str]]]:
+    rows = []
+    for number, half in enumerate(halves):
+        cells = [
+            _figure(None if half[key] is None else half[key] * factor, digits)
+            for _, key, factor, digits in _HALVES
+        ]
+        rows.append((f"{number // 2 + 1} {half['half']}", cells))
+    return rows
+
+
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    return "".join(f"{c:>{w}}" for c, w in zip(cells, widths, strict=True))
+
+
+def _figure(value: float | None, digits: int) -> str:
+    if value is None or not math.isfinite(value):
+        return "-"
+    return f"{value:.{digits}f}"
