@@ -191,6 +191,8 @@ class VehicleData:
         rates: largest rates of its actuators [kg/s, m/s, rad/s], or None if the file
             does not say.
         doubts: doubts about the numbers, by their keys.
+        deviations: standard deviations of the numbers, where the file says how far
+            they may be off, by their keys; in the unit of each.
     """
 
     name: str
@@ -199,3 +201,4 @@ class VehicleData:
     body: BodyParameters | None = None
     rates: Command[Scalar] | None = None
     doubts: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    deviations: Mapping[str, float] = dataclasses.field(default_factory=dict)

@@ -78,6 +78,7 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
             body=BodyParameters(**values["body"]) if "body" in values else None,
             rates=Command(**values["rates"]) if "rates" in values else None,
             doubts=_doubts(data, tables),
+            deviations=_deviations(data, tables, source),
         )
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from error
@@ -109,6 +110,26 @@ def _doubts(data: dict[str, Any], tables: Iterable[str]) -> dict[str, str]:
         for key, entry in data[table].items()
         if isinstance(entry, dict) and "doubt" in entry
     }
+
+
+def _deviations(
+    data: dict[str, Any], tables: Iterable[str], source: str | Path
+) -> dict[str, float]:
+    """Standard deviations that the file states, by key.
+
+    Raises:
+        ValueError: one is no positive number.
+    """
+    found = {}
+    for table in tables:
+        for key, entry in data[table].items():
+            if isinstance(entry, dict) and "standard_deviation" in entry:
+                where = f"{source}: {table}.{key}: standard_deviation"
+                value = number(entry["standard_deviation"], where)
+                if value <= 0.0:
+                    raise ValueError(f"{where} must be positive; received {value:g}.")
+                found[f"{table}.{key}"] = value
+    return found
 
 
 def _values(

@@ -195,6 +195,13 @@ def _trim(options: argparse.Namespace) -> int:
     return trim(options)
 
 
+def _record(options: argparse.Namespace) -> int:
+    start_jax(64)
+    from tuning.cli.commands.identification.record import record
+
+    return record(options)
+
+
 _COMMANDS = {
     "compare": _compare,
     "simulate": _simulate,
@@ -209,4 +216,5 @@ _COMMANDS = {
     "cache": _cache,
     "vehicles": _vehicles,
     "trim": _trim,
+    "record": _record,
 }
