@@ -641,7 +641,8 @@ def test_a_vehicle_that_is_not_there_is_told_with_where_and_what_else(tmp_path):
     with pytest.raises(ConfigError) as caught:
         load_mission(file)
     message = str(caught.value)
-    assert message.startswith(f"{file}: vehicle.data must be rogue, seawing, slocum or")
+    named = "rogue, seawing, slocum, slocum-graver or"
+    assert message.startswith(f"{file}: vehicle.data must be {named}")
     assert f"{tmp_path}/mine.toml cannot be read: no such file or directory" in message
     assert "Errno" not in message
 

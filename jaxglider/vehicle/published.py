@@ -166,7 +166,7 @@ def _check_unit(unit: Any, key: str, source: str | Path) -> None:
     Raises:
         ValueError: names the key, its unit and the one received.
     """
-    wanted = _units()[key]
+    wanted = key_units()[key]
     if not isinstance(unit, str) or _plain(unit) != _plain(wanted):
         raise ValueError(
             f"{source}: {key} must be in {wanted}, and so must its unit say where it "
@@ -175,8 +175,8 @@ def _check_unit(unit: Any, key: str, source: str | Path) -> None:
 
 
 @functools.cache
-def _units() -> dict[str, str]:
-    """The unit of each key, as the vehicles of the package have it."""
+def key_units() -> dict[str, str]:
+    """Unit of each key, as the vehicles of the package have it."""
     data = tomllib.loads(vehicle_text("seawing"))
     return {
         f"{table}.{key}": entry["unit"]
