@@ -11,12 +11,8 @@ from tuning.identification.record.cleaning import clean
 from tuning.identification.record.flight_record import FlightRecord, Series
 from tuning.identification.record.reading import read_record
 from tuning.identification.record.seawater import with_density
-from tuning.identification.record.uniform import (
-    kernel,
-    missing_for,
-    smooth_rate,
-    uniform,
-)
+from tuning.identification.record.slopes import kernel, smooth_rate
+from tuning.identification.record.uniform import missing_for, uniform
 
 TIME = np.arange(0.0, 3600.0, 4.0)
 DEPTH = 40.0 * np.abs(((TIME / 600.0) % 2.0) - 1.0)

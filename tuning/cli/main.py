@@ -202,6 +202,13 @@ def _record(options: argparse.Namespace) -> int:
     return record(options)
 
 
+def _fit(options: argparse.Namespace) -> int:
+    start_jax(64)
+    from tuning.cli.commands.identification.fit import fit
+
+    return fit(options)
+
+
 _COMMANDS = {
     "compare": _compare,
     "simulate": _simulate,
@@ -217,4 +224,5 @@ _COMMANDS = {
     "vehicles": _vehicles,
     "trim": _trim,
     "record": _record,
+    "fit": _fit,
 }

@@ -14,7 +14,6 @@ import equinox as eqx
 from jaxglider.core.containers import Container, Scalar, as_float
 from jaxglider.vehicle.full_plant import FullPlant
 from jaxglider.vehicle.parameters import BodyParameters, GliderParameters, VehicleData
-from tuning.identification.record.uniform import Flight
 
 TEMPERATURE = 10.0
 """T₀ [°C], at which the volume is that given."""
@@ -36,6 +35,7 @@ class RecordParameters(Container):
         thermal_expansion: α_T [1/K], of the hull.
         pitch_scale: factor on the recorded pitch; other than 1 for a tilted sensor.
         pitch_offset: angle added to the recorded pitch [rad].
+        actuator_lag: time [s] by which the actuators act later than their record says.
         position_offset: recorded position of the moving mass that is r_p1 = 0 [m].
         roll_offset: angle added to the recorded roll [rad].
         angle_offset: angle added to the recorded angle of the moving mass [rad].
@@ -46,6 +46,7 @@ class RecordParameters(Container):
     thermal_expansion: Scalar = _number()
     pitch_scale: Scalar = _number(1.0)
     pitch_offset: Scalar = _number()
+    actuator_lag: Scalar = _number()
     position_offset: Scalar = _number()
     roll_offset: Scalar = _number()
     angle_offset: Scalar = _number()
@@ -147,51 +148,3 @@ def resized(vehicle: VehicleData, displaced_mass: float) -> VehicleData:
         parameters=dataclasses.replace(vehicle.parameters, **sums),
         body=dataclasses.replace(vehicle.body, hull_mass=hull),
     )
-
-
-def starting_glider(
-    vehicle: VehicleData, flight: Flight, volume: float | None
-) -> IdentifiedGlider:
-    """The vehicle as the fit starts from it, neutral between its dives and climbs.
-
-    Args:
-        vehicle: vehicle file.
-        flight: the record.
-        volume: V [m³]; by default the vehicle's mass over the mean density.
-
-    Raises:
-        ValueError: the file does not say how much water the vehicle displaces.
-    """
-    import numpy as np
-
-    good = flight.good
-    if vehicle.body is None:
-        if volume is None:
-            raise ValueError(
-                f"{vehicle.name} has no table [body], so its volume is unknown: give "
-                "the volume, in m³."
-            )
-        body = BodyParameters(*(1.0, *(0.0,) * 10))
-    else:
-        body = vehicle.body
-    if volume is None:
-        displaced = float(body.displaced_mass(vehicle.parameters))
-        volume = displaced / float(np.mean(flight.density[good]))
-    record = RecordParameters(compressibility=COMPRESSIBILITY)
-    glider = IdentifiedGlider(vehicle.parameters, body, record, volume)
-    temperature = np.where(
-        np.isfinite(flight.temperature), flight.temperature, TEMPERATURE
-    )
-    water = -glider.excess(flight.pressure, flight.density, temperature)
-    afloat = water + flight.density * flight.ballast
-    down = good & (flight.depth_rate > 0.03)
-    up = good & (flight.depth_rate < -0.03)
-    neutral = 0.5 * (np.median(afloat[down]) + np.median(afloat[up]))
-    start = {"mass": neutral}
-    if flight.has("mass_position"):
-        start["position_offset"] = float(np.nanmean(flight.mass_position[good]))
-    return with_values(glider, start)
-
-
-COMPRESSIBILITY = 5e-10
-"""ε [1/Pa] to start from; that which gliderflight takes for a Slocum."""

@@ -11,6 +11,7 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import OptimizeResult, least_squares
 
 Rows = Mapping[str, np.ndarray]
@@ -91,6 +92,7 @@ def solve(
     size: int,
     rounds: int = 3,
     noise: Mapping[str, Noise] | None = None,
+    stretches: Rows | None = None,
 ) -> Solution:
     """Fit, estimate the noise, and fit again.
 
@@ -100,6 +102,7 @@ def solve(
         size: number of coordinates.
         rounds: number of fits.
         noise: noise that is known; estimated otherwise.
+        stretches: numbers of the unbroken stretches of the samples, by channel.
 
     Raises:
         FloatingPointError: the model is not finite where the search begins.
@@ -132,7 +135,10 @@ def solve(
         converged = result.success
         if not known:
             residuals = _residuals(model(x)[0], measured)
-            levels = {name: estimate_noise(name, r) for name, r in residuals.items()}
+            levels = {
+                name: estimate_noise(name, r, (stretches or {}).get(name))
+                for name, r in residuals.items()
+            }
         if known and turn == 0:
             break
     information = _information(model, measured, levels, x)
@@ -144,32 +150,40 @@ def _residuals(predicted: Rows, measured: Rows) -> dict[str, np.ndarray]:
     return {name: measured[name] - predicted[name] for name in measured}
 
 
-def estimate_noise(name: str, residuals: np.ndarray) -> Noise:
+def estimate_noise(
+    name: str, residuals: np.ndarray, stretches: np.ndarray | None = None
+) -> Noise:
     """Noise of a channel: 1.48 times the median deviation, and its correlation.
 
-    τ = 1 + 2 Σ ρ_k, over the lags until ρ first falls below 0.05.
+    τ = 1 + 2 Σ ρ_k, over the lags until ρ first falls below 0.05, and at least that of
+    a first-order process, (1 + ρ₁)/(1 − ρ₁): a short record's ρ falls too early.
 
     Args:
         name: name of the channel.
         residuals: measured less predicted, in order of time.
+        stretches: number of the unbroken stretch that each is of; one for all if left
+            out.
     """
-    centred = residuals - np.median(residuals)
-    sigma = max(
-        1.4826 * float(np.median(np.abs(residuals))),
-        FLOORS.get(name.partition(":")[0], 1e-9),
-    )
-    clipped = np.clip(centred, -4.0 * sigma, 4.0 * sigma)
-    size = 2 * len(clipped)
-    spectrum = np.abs(np.fft.rfft(clipped, size)) ** 2
-    correlation = np.fft.irfft(spectrum)[: len(clipped) // 4]
-    if len(correlation) < 2 or correlation[0] <= 0.0:
+    group = name.partition(":")[0]
+    middle = 1.4826 * float(np.median(np.abs(residuals)))
+    sigma = max(middle, FLOORS.get(group, 1e-9))
+    centred = np.clip(residuals - np.median(residuals), -4.0 * sigma, 4.0 * sigma)
+    same = np.zeros(len(residuals)) if stretches is None else stretches
+    whole = float(np.mean(centred**2))
+    if whole <= 0.0 or len(centred) < 8:
         return Noise(sigma, 1.0, len(residuals))
-    correlation = correlation / correlation[0]
-    low = np.flatnonzero(correlation < 0.05)
-    end = int(low[0]) if len(low) else len(correlation)
-    return Noise(
-        sigma, max(1.0, 1.0 + 2.0 * float(correlation[1:end].sum())), len(residuals)
-    )
+    total, first = 1.0, 0.0
+    for lag in range(1, len(centred) // 4):
+        pairs = same[lag:] == same[:-lag]
+        if not pairs.any():
+            break
+        share = float(np.mean((centred[lag:] * centred[:-lag])[pairs])) / whole
+        first = share if lag == 1 else first
+        if share < 0.05:
+            break
+        total += 2.0 * share
+    first = min(max(first, 0.0), 0.98)
+    return Noise(sigma, max(total, (1.0 + first) / (1.0 - first)), len(residuals))
 
 
 def _scales(levels: Mapping[str, Noise]) -> dict[str, float]:
@@ -252,6 +266,22 @@ def _information(
         rows = scale[name] * slopes[name]
         total += rows.T @ rows
     return total
+
+
+def joined(solutions: Sequence[Solution]) -> Solution:
+    """Searches one after the other as one: what one held fixed, it knows nothing of.
+
+    Args:
+        solutions: solution of each stage.
+    """
+    return Solution(
+        np.concatenate([s.x for s in solutions]),
+        block_diag(*(s.covariance for s in solutions)),
+        block_diag(*(s.information for s in solutions)),
+        {name: noise for s in solutions for name, noise in s.noise.items()},
+        sum(s.evaluations for s in solutions),
+        all(s.converged for s in solutions),
+    )
 
 
 def correlations(covariance: np.ndarray) -> np.ndarray:

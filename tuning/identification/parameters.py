@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.vehicle.parameters import VehicleData
+from jaxglider.vehicle.published import key_units
 from tuning.identification.glider import (
     PLACES,
     IdentifiedGlider,
@@ -27,6 +28,7 @@ ABSOLUTE = {
     "thermal_expansion": (5e-5, "1/K"),
     "pitch_scale": (0.1, "1"),
     "pitch_offset": (0.03, "rad"),
+    "actuator_lag": (2.0, "s"),
     "position_offset": (0.03, "m"),
     "roll_offset": (0.05, "rad"),
     "angle_offset": (0.2, "rad"),
@@ -44,19 +46,6 @@ RELATIVE = 0.5
 """Prior standard deviation, relative, of a number whose file does not state one."""
 FIXED = ("gravity", "moving_mass", "moving_ahead")
 """Numbers that no fit frees: known, or the same as others that are freed."""
-UNITS = {
-    "drag": "kg/m",
-    "lift_slope": "kg/m/rad",
-    "induced_drag": "kg/m/rad^2",
-    "side_force_slope": "kg/m/rad",
-    "roll_moment_slope": "kg/rad",
-    "pitch_moment_slope": "kg/rad",
-    "yaw_moment_slope": "kg/rad",
-    "roll_damping": "kg s/rad",
-    "pitch_damping": "kg s/rad",
-    "yaw_damping": "kg s/rad",
-    "mass_offset": "m",
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,37 +85,39 @@ class FreeParameter:
         return self.prior
 
 
-def default_names(kind: str, speed: bool, depth_range: float, roll: bool) -> list[str]:
-    """Names of the numbers that a record of this kind can say something about.
+PITCHING = (
+    "position_offset",
+    "buoyancy_position",
+    "hull_below",
+    "pitch_moment_slope",
+    "pitch_damping",
+    "pitch_inertia",
+    "actuator_lag",
+)
+"""Numbers that decide how the glider pitches."""
+TURNED = (
+    "mass_offset",
+    "angle_offset",
+    "roll_moment_slope",
+    "side_force_slope",
+    "yaw_moment_slope",
+    "yaw_damping",
+)
+"""Numbers that decide how the glider rolls and turns under its moving mass."""
+
+
+def glide_names(speed: bool, depth: float) -> list[str]:
+    """Names of the numbers that steady glides may tell.
 
     Args:
-        kind: kind of the fit.
         speed: flag, speed through the water is fitted.
-        depth_range: depth [m] of the dives; compressibility needs hundreds of metres.
-        roll: flag, the mass turns and roll is recorded.
+        depth: depth [m] of the dives; compressibility needs hundreds of metres.
     """
     names = ["drag", "mass"]
-    if depth_range > 300.0:
+    if depth > 300.0:
         names.append("compressibility")
     if speed:
         names += ["lift_slope", "pitch_scale", "pitch_offset"]
-    if kind == "closed":
-        names += [
-            "position_offset",
-            "buoyancy_position",
-            "hull_below",
-            "pitch_moment_slope",
-            "pitch_damping",
-        ]
-        if roll:
-            names += [
-                "mass_offset",
-                "angle_offset",
-                "roll_moment_slope",
-                "side_force_slope",
-                "yaw_moment_slope",
-                "yaw_damping",
-            ]
     return names
 
 
@@ -163,11 +154,15 @@ def free_parameters(
     return tuple(_parameter(name, glider, vehicle) for name in chosen)
 
 
+def _key(name: str) -> str:
+    return f"{PLACES[name]}.{name}"
+
+
 def _parameter(
     name: str, glider: IdentifiedGlider, vehicle: VehicleData
 ) -> FreeParameter:
     start = float(value_of(glider, name))
-    stated = vehicle.deviations.get(f"{PLACES[name]}.{name}")
+    stated = vehicle.deviations.get(_key(name))
     signed = name not in ABSOLUTE and start != 0.0
     assumed = ABSOLUTE[name][0] if name in ABSOLUTE else RELATIVE * abs(start)
     if assumed == 0.0:
@@ -175,7 +170,7 @@ def _parameter(
             f"free: {name} is 0 in the vehicle, so a relative doubt says nothing; give "
             "it a standard_deviation in the vehicle's file, or leave it out."
         )
-    unit = ABSOLUTE[name][1] if name in ABSOLUTE else UNITS.get(name, "SI")
+    unit = ABSOLUTE[name][1] if name in ABSOLUTE else key_units()[_key(name)]
     return FreeParameter(
         name, unit, start, float(stated or assumed), signed, stated is not None
     )

@@ -10,6 +10,7 @@ Predictions are those of the instruments: the pitch as its sensor would record i
 smoothed as the record's are.
 """
 
+import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any
@@ -17,19 +18,20 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from jaxglider.core.rotations import attitude, body_to_ned, euler_rates, ned_to_body
+from jaxglider.core.containers import Scalar
+from jaxglider.core.rotations import body_to_ned, euler_rates, ned_to_body
 from jaxglider.core.runge_kutta import RK4, runge_kutta_step
 from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.vehicle.hydrodynamics import flow_frame_hydrodynamics
 from tuning.identification.glider import IdentifiedGlider
-from tuning.identification.record.uniform import kernel
+from tuning.identification.record.slopes import kernel
 from tuning.identification.windows import Windows
 
 Prediction = dict[str, jax.Array]
 """Arrays of the windows' shape by channel."""
 DRIFT = 0.05
 """Speed [m/s] with which a glider is taken to leave the surface."""
-LONGEST = {"driven": 1.0, "closed": 0.5}
+LONGEST = {"driven": 1.5, "closed": 0.6}
 """Longest step of the integration [s]."""
 _SHALLOWEST = 0.1
 """Pitch [rad] below which no glide is in balance, and none is sought."""
@@ -83,6 +85,23 @@ def _heaviness(glider: IdentifiedGlider, w: Windows) -> jax.Array:
     return excess - w.density * w.ballast
 
 
+def _late(values: jax.Array, steps: jax.Array) -> jax.Array:
+    """Rows that come late by some steps, linear in between."""
+    places = jnp.arange(values.shape[1], dtype=values.dtype)
+    return jax.vmap(lambda row: jnp.interp(places - steps, places, row))(values)
+
+
+def _acting(glider: IdentifiedGlider, windows: Windows) -> Windows:
+    """The windows with their actuators as late as they act."""
+    steps = glider.record.actuator_lag / windows.dt
+    return dataclasses.replace(
+        windows,
+        ballast=_late(windows.ballast, steps),
+        mass_position=_late(windows.mass_position, steps),
+        mass_angle=_late(windows.mass_angle, steps),
+    )
+
+
 def _smooth(windows: Windows, rate: jax.Array) -> jax.Array:
     weights = jnp.asarray(kernel(windows.half_width))
     return jax.vmap(lambda row: jnp.convolve(row, weights, mode="same"))(rate)
@@ -97,6 +116,7 @@ def _steady(glider: IdentifiedGlider, windows: Windows) -> Prediction:
 
 def _driven(glider: IdentifiedGlider, windows: Windows) -> Prediction:
     """u' and w' of the body in the vertical plane, the pitch as it was recorded."""
+    windows = _acting(glider, windows)
     pitch = glider.true_pitch(windows.pitch)
     turning = glider.record.pitch_scale * windows.pitch_rate
     heavy = _heaviness(glider, windows)
@@ -129,6 +149,7 @@ def _driven(glider: IdentifiedGlider, windows: Windows) -> Prediction:
 def _closed(glider: IdentifiedGlider, windows: Windows) -> Prediction:
     """The full plant under its recorded actuators; the pitch is given at the start."""
     plant, r = glider.plant(), glider.record
+    windows = _acting(glider, windows)
     excess = glider.excess(windows.pressure, windows.density, windows.temperature)
     position = windows.mass_position - r.position_offset
     angle = windows.mass_angle + r.angle_offset
@@ -168,9 +189,7 @@ def _closed(glider: IdentifiedGlider, windows: Windows) -> Prediction:
         *(zero, zero, zero, roll[:, 0], pitch[:, 0], zero, u, zero, w, zero, zero, zero)
     )
     state = _integrate(derivative, afloat, first, inputs, windows, "closed")
-    a = attitude(state.roll, state.pitch, state.heading)
-    _, _, sinking = body_to_ned(a, state.surge, state.sway, state.heave)
-    _, _, turning = euler_rates(a, state.roll_rate, state.pitch_rate, state.yaw_rate)
+    sinking, turning = jax.vmap(jax.vmap(_rates))(state)
     squared = state.surge**2 + state.sway**2 + state.heave**2
     return {
         "depth_rate": _smooth(windows, sinking),
@@ -179,6 +198,14 @@ def _closed(glider: IdentifiedGlider, windows: Windows) -> Prediction:
         "roll": state.roll - r.roll_offset,
         "turn_rate": _smooth(windows, turning),
     }
+
+
+def _rates(state: GliderState) -> tuple[Scalar, Scalar]:
+    """Rates of depth [m/s] and heading [rad/s]."""
+    a = state.attitude()
+    _, _, sinking = body_to_ned(a, state.surge, state.sway, state.heave)
+    _, _, turning = euler_rates(a, state.roll_rate, state.pitch_rate, state.yaw_rate)
+    return sinking, turning
 
 
 def _integrate(

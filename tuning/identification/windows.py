@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from tuning.identification.glider import TEMPERATURE
+from tuning.identification.record.slopes import slope
 from tuning.identification.record.uniform import Flight
 
 Grid = Float[Array, "windows steps"]
@@ -73,12 +74,7 @@ LENGTH = 600.0
 
 def pitch_rate(flight: Flight) -> np.ndarray:
     """Rate of the recorded pitch [rad/s]: slope of a parabola over nine seconds."""
-    half = max(round(4.5 / flight.dt), 1)
-    weights = np.arange(-half, half + 1) / (
-        flight.dt * half * (half + 1) * (2 * half + 1) / 3
-    )
-    padded = np.pad(flight.pitch, half, mode="edge")
-    return np.convolve(padded, weights[::-1], mode="valid")
+    return slope(flight.pitch, max(round(4.5 / flight.dt), 1), flight.dt)
 
 
 def cut(
@@ -94,8 +90,9 @@ def cut(
             but its very first sample is then given away.
     """
     count = len(flight.time)
-    before = round(RUN_IN[kind] / flight.dt)
+    # The filter of the rates reaches over either end of what is compared.
     after = flight.half_width
+    before = after + round(RUN_IN[kind] / flight.dt)
     length = count if whole else min(round(LENGTH / flight.dt), count)
     starts = np.arange(0, count, length)
     rows = starts[:, None] + np.arange(-before, length + after)[None, :]

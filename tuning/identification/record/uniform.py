@@ -1,8 +1,6 @@
 """A record on one clock, cut into dives: what every fit works with.
 
-The depth rate is the slope of a local parabola through the depth (Savitzky and Golay
-1964). The same filter is put on the depth rate of a model, so that turns are compared
-alike.
+The depth rate is the slope of a local parabola through the depth.
 """
 
 import dataclasses
@@ -11,6 +9,7 @@ import numpy as np
 
 from tuning.identification.record.flight_record import FlightRecord
 from tuning.identification.record.seawater import GRAVITY, mean_density
+from tuning.identification.record.slopes import slope
 
 SMOOTHING = 30.0
 """Length of the parabola [s]; five samples of the depth where these take longer."""
@@ -48,6 +47,7 @@ class Flight:
         good: flags of the samples at which a model may be compared.
         steady: flags of those in a steady glide.
         afloat: flags of the samples at the surface.
+        notes: sentences about what was left out.
     """
 
     time: np.ndarray
@@ -69,6 +69,7 @@ class Flight:
     good: np.ndarray
     steady: np.ndarray
     afloat: np.ndarray
+    notes: tuple[str, ...] = ()
 
     def dives(self) -> int:
         """Number of dives."""
@@ -139,7 +140,7 @@ def uniform(record: FlightRecord, dt: float | None = None) -> Flight:
     else:
         values["pressure"] = values["depth"] * heavy
     half = max(round(max(SMOOTHING, 5.0 * interval) / step / 2.0), 2)
-    rate = _slope(values["depth"], half, step)
+    rate = slope(values["depth"], half, step)
     good[:half] = good[-half:] = False
     return _marked(clock - begin, step, half, values, rate, good, record.name)
 
@@ -183,13 +184,6 @@ def _on(
     return np.where(outside, np.nan, result)
 
 
-def _slope(depth: np.ndarray, half: int, dt: float) -> np.ndarray:
-    """Slope [m/s] of the parabola through 2 half + 1 samples; of fewer at the ends."""
-    weights = np.arange(-half, half + 1) / (dt * half * (half + 1) * (2 * half + 1) / 3)
-    padded = np.pad(depth, half, mode="edge")
-    return np.convolve(padded, weights[::-1], mode="valid")
-
-
 def _marked(
     time: np.ndarray,
     dt: float,
@@ -213,7 +207,9 @@ def _marked(
     pumping = np.abs(np.gradient(values["ballast"], dt)) > 5e-7
     turning = ~((_since(pumping, dt) > SETTLED) & (_until(pumping, dt) > half * dt))
     compared = good & (depth > SHALLOW) & flown & (dive > 0)
+    values["speed"], notes = _plausible_speed(values["speed"], dive)
     return Flight(
+        notes=notes,
         time=time,
         dt=dt,
         half_width=half,
@@ -224,6 +220,28 @@ def _marked(
         afloat=afloat,
         **values,
     )
+
+
+def _plausible_speed(
+    speed: np.ndarray, dive: np.ndarray
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Speed without the dives in which it is far from that of all others.
+
+    Far is 20 % of the median of all dives, and six times their own spread.
+    """
+    numbers = np.unique(dive[np.isfinite(speed)])
+    middles = np.array([np.nanmedian(speed[dive == n]) for n in numbers])
+    if len(numbers) < 4:
+        return speed, ()
+    middle = np.median(middles)
+    off = np.abs(middles - middle)
+    bad = numbers[off > max(0.2 * middle, 6.0 * 1.4826 * float(np.median(off)))]
+    notes = tuple(
+        f"speed: that of dive {n} ({np.nanmedian(speed[dive == n]):.2f} m/s) is far "
+        f"from that of all others ({middle:.2f} m/s); left out."
+        for n in bad
+    )
+    return np.where(np.isin(dive, bad), np.nan, speed), notes
 
 
 def _dives(depth: np.ndarray, reach: float) -> np.ndarray:
@@ -254,28 +272,3 @@ def _since(flags: np.ndarray, dt: float) -> np.ndarray:
 def _until(flags: np.ndarray, dt: float) -> np.ndarray:
     """Time [s] until a flag is next set; infinite after the last."""
     return _since(flags[::-1], dt)[::-1]
-
-
-def smooth_rate(rate: np.ndarray, half: int) -> np.ndarray:
-    """The weights by which the parabola through a depth averages its rate, applied.
-
-    Args:
-        rate: depth rate of a model [m/s].
-        half: steps on either side.
-    """
-    return np.convolve(rate, kernel(half), mode="same")
-
-
-def kernel(half: int) -> np.ndarray:
-    """Weights on the depth rate that equal the slope of the parabola on the depth.
-
-    Σ i z_i / Σ i², with z the trapezoidal sum of the rate: weights (n(n+1) − j(j−1))/2
-    on the means of neighbours.
-
-    Args:
-        half: n, steps on either side.
-    """
-    j = np.arange(-half + 1, half + 1)
-    middles = 0.5 * (half * (half + 1) - j * (j - 1))
-    weights = np.convolve(middles, [0.5, 0.5])
-    return weights / weights.sum()
