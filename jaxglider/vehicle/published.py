@@ -70,6 +70,7 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
     if not isinstance(name, str):
         raise ValueError(f"{source}: name must be text; received {name!r}.")
     values = {key: _values(data, key, kind, source) for key, kind in tables.items()}
+    deviations = _deviations(data, tables, source)
     try:
         return VehicleData(
             name=name,
@@ -78,7 +79,7 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
             body=BodyParameters(**values["body"]) if "body" in values else None,
             rates=Command(**values["rates"]) if "rates" in values else None,
             doubts=_doubts(data, tables),
-            deviations=_deviations(data, tables, source),
+            deviations=deviations,
         )
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from error

@@ -56,6 +56,8 @@ def _tables(fit: Fit) -> list[tuple[str, Any]]:
     ]
     if fit.vehicle.body is not None:
         tables.insert(1, ("body", fit.after.body))
+    if fit.vehicle.rates is not None:
+        tables.append(("rates", fit.vehicle.rates))
     return tables
 
 
@@ -91,7 +93,7 @@ def _entries(origin: str) -> dict[str, dict[str, Any]]:
         return {}
     return {
         f"{table}.{key}": entry
-        for table in ("parameters", "body", "limits")
+        for table in ("parameters", "body", "limits", "rates")
         for key, entry in data.get(table, {}).items()
         if isinstance(entry, dict)
     }
