@@ -164,10 +164,10 @@ def level(glider, count, **values):
     rows = {
         f.name: jnp.zeros((1, count))
         for f in dataclasses.fields(Windows)
-        if f.name not in ("dt", "half_width")
+        if f.name not in ("dt", "half_width", "longest")
     }
     rows |= {k: jnp.full((1, count), v) for k, v in values.items()}
-    return Windows(dt=1.0, half_width=5, **rows)
+    return Windows(dt=1.0, half_width=5, longest=0.6, **rows)
 
 
 def test_the_glide_in_balance_is_that_of_the_plant(glider, balanced):

@@ -18,6 +18,8 @@ Rows = Mapping[str, np.ndarray]
 """Numbers by channel, one row each; a Jacobian has a column for each free number."""
 ROBUST = 2.0
 """Residual, in σ, from which a sample counts less than its square."""
+ENOUGH = 0.9
+"""Share of the samples that the model must reach where the search begins."""
 FLOORS = {
     "depth_rate": 5e-4,
     "speed": 2e-3,
@@ -118,7 +120,8 @@ def solve(
 
     x, evaluations, converged = np.zeros(size), 0, True
     predicted, _ = model(x)
-    if not all(np.isfinite(rows).all() for rows in predicted.values()):
+    finite = np.concatenate([np.isfinite(rows) for rows in predicted.values()])
+    if finite.mean() < ENOUGH:
         raise FloatingPointError(
             "the model is not finite where the fit begins: check units and signs of "
             "the record, and that the vehicle is of its kind."
@@ -147,7 +150,10 @@ def solve(
 
 
 def _residuals(predicted: Rows, measured: Rows) -> dict[str, np.ndarray]:
-    return {name: measured[name] - predicted[name] for name in measured}
+    return {
+        name: np.nan_to_num(measured[name] - predicted[name], nan=1e3)
+        for name in measured
+    }
 
 
 def estimate_noise(
@@ -263,7 +269,7 @@ def _information(
     scale = _scales(levels)
     total = np.zeros((len(x), len(x)))
     for name in measured:
-        rows = scale[name] * slopes[name]
+        rows = np.nan_to_num(scale[name] * slopes[name])
         total += rows.T @ rows
     return total
 

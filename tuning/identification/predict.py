@@ -31,8 +31,8 @@ Prediction = dict[str, jax.Array]
 """Arrays of the windows' shape by channel."""
 DRIFT = 0.05
 """Speed [m/s] with which a glider is taken to leave the surface."""
-LONGEST = {"driven": 1.5, "closed": 0.6}
-"""Longest step of the integration [s]."""
+STEEPEST = 1.2
+"""Largest pitch [rad] that a run of the full plant starts from, or at the surface."""
 _SHALLOWEST = 0.1
 """Pitch [rad] below which no glide is in balance, and none is sought."""
 
@@ -140,7 +140,7 @@ def _driven(glider: IdentifiedGlider, windows: Windows) -> Prediction:
 
     inputs = (pitch, turning, heavy, windows.afloat)
     first = glide(glider, pitch[:, 0], heavy[:, 0])
-    u, w = _integrate(derivative, afloat, first, inputs, windows, "driven")
+    u, w = _integrate(derivative, afloat, first, inputs, windows)
     rate = w * jnp.cos(pitch) - u * jnp.sin(pitch)
     speed = jnp.sqrt(u * u + w * w + 1e-12)
     return {"depth_rate": _smooth(windows, rate), "speed": speed}
@@ -153,7 +153,7 @@ def _closed(glider: IdentifiedGlider, windows: Windows) -> Prediction:
     excess = glider.excess(windows.pressure, windows.density, windows.temperature)
     position = windows.mass_position - r.position_offset
     angle = windows.mass_angle + r.angle_offset
-    pitch = glider.true_pitch(windows.pitch)
+    pitch = jnp.clip(glider.true_pitch(windows.pitch), -STEEPEST, STEEPEST)
     roll = windows.roll + r.roll_offset
 
     def derivative(state: GliderState, given: tuple) -> GliderState:
@@ -188,7 +188,7 @@ def _closed(glider: IdentifiedGlider, windows: Windows) -> Prediction:
     first = GliderState(
         *(zero, zero, zero, roll[:, 0], pitch[:, 0], zero, u, zero, w, zero, zero, zero)
     )
-    state = _integrate(derivative, afloat, first, inputs, windows, "closed")
+    state = _integrate(derivative, afloat, first, inputs, windows)
     sinking, turning = jax.vmap(jax.vmap(_rates))(state)
     squared = state.surge**2 + state.sway**2 + state.heave**2
     return {
@@ -214,10 +214,9 @@ def _integrate(
     first: Any,
     inputs: tuple,
     windows: Windows,
-    kind: str,
 ) -> Any:
     """States at all samples, inputs linear in between, by classical Runge-Kutta."""
-    parts = max(1, math.ceil(windows.dt / LONGEST[kind]))
+    parts = max(1, math.ceil(windows.dt / windows.longest))
     step = windows.dt / parts
 
     def tick(state: Any, ends: tuple) -> tuple:

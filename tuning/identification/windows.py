@@ -35,6 +35,7 @@ class Windows(eqx.Module):
         afloat: 1 where the glider is at the surface, 0 below.
         dt: time step [s].
         half_width: steps on either side of the parabola that gives a rate.
+        longest: longest step of the integration [s].
     """
 
     pressure: Grid
@@ -49,6 +50,7 @@ class Windows(eqx.Module):
     afloat: Grid
     dt: float = eqx.field(static=True)
     half_width: int = eqx.field(static=True)
+    longest: float = eqx.field(static=True)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,6 +72,21 @@ RUN_IN = {"steady": 0.0, "driven": 60.0, "closed": 150.0}
 """Time [s] that a window of each fit runs before it is compared."""
 LENGTH = 600.0
 """Time [s] of a window that is compared."""
+
+
+def longest_step(flight: Flight, kind: str) -> float:
+    """Longest step of the integration that is stable [s].
+
+    Fast are speed (1.5 s), pitch (0.6 s) and, where the moving mass turns, roll: its
+    damping K_p V²/I₁ takes a quarter of a second.
+
+    Args:
+        flight: the record.
+        kind: kind of the fit.
+    """
+    if kind != "closed":
+        return 1.5
+    return 0.25 if flight.has("mass_angle") else 0.6
 
 
 def pitch_rate(flight: Flight) -> np.ndarray:
@@ -103,10 +120,12 @@ def cut(
     compared = inside & (rows < count) & wanted[index]
     used = compared.any(axis=1)
     index, compared = index[used], compared[used]
-    return Stretches(_inputs(flight, index), index, compared)
+    return Stretches(
+        _inputs(flight, index, longest_step(flight, kind)), index, compared
+    )
 
 
-def _inputs(flight: Flight, index: np.ndarray) -> Windows:
+def _inputs(flight: Flight, index: np.ndarray, longest: float) -> Windows:
     def rows(values: np.ndarray, default: float = 0.0) -> jax.Array:
         return jnp.asarray(np.where(np.isfinite(values), values, default)[index])
 
@@ -123,4 +142,5 @@ def _inputs(flight: Flight, index: np.ndarray) -> Windows:
         afloat=rows(flight.afloat.astype(float)),
         dt=flight.dt,
         half_width=flight.half_width,
+        longest=longest,
     )
