@@ -155,9 +155,9 @@ def uncertainty_toml(fit: Fit) -> str | None:
 def mission_toml(fit: Fit, name: str) -> str:
     """A mission that flies the fitted vehicle as it was flown, in the record's water.
 
-    A dive at the glide angle of the record, the density growing with depth as there. The
-    depth rate is three fifths of the record's: pilots use all of their pump, and a law
-    needs some of it to steer by.
+    A dive at the glide angle of the record, the density growing with depth as there.
+    The depth rate is three fifths of the record's: pilots use all of their pump, and a
+    law needs some of it to steer by.
 
     Args:
         fit: the fit.
