@@ -33,6 +33,7 @@ def content_of(fit: Fit, verdict: Verdict, remarks: tuple[str, ...]) -> dict[str
         "vehicle": fit.vehicle.name,
         "kind": fit.plan.kind,
         "channels": list(fit.plan.channels),
+        "stages": [list(stage.names) for stage in fit.plan.stages],
         "split": fit.plan.split,
         "dives": fit.flight.dives(),
         "held_out": list(fit.plan.held_out),
@@ -196,7 +197,10 @@ def _rest(content: dict[str, Any]) -> list[str]:
     lines = [
         "Intervals are those of the fit: noise and its correlation in time from the "
         "residuals, the prior included. `the record` is the share of the prior "
-        "variance that the record took away.",
+        "variance that the record took away. Numbers are searched in stages, "
+        f"{'; '.join(', '.join(names) for names in content['stages'])}: each stage "
+        "holds what those before it found, so its intervals are conditional on that, "
+        "and correlations between stages are left out.",
         "",
         f"Condition number of the record's information: {told}. Correlations:",
         "",
