@@ -641,7 +641,7 @@ def test_a_vehicle_that_is_not_there_is_told_with_where_and_what_else(tmp_path):
     with pytest.raises(ConfigError) as caught:
         load_mission(file)
     message = str(caught.value)
-    names = "rogue, seaglider, seawing, slocum, slocum-comet"
+    names = "rogue, seaglider, seawing, slocum, slocum-comet, slocum-graver"
     assert message.startswith(f"{file}: vehicle.data must be {names} or")
     assert f"{tmp_path}/mine.toml cannot be read: no such file or directory" in message
     assert "Errno" not in message

@@ -18,8 +18,9 @@ from jaxglider.trim.modes import analyse, transmission_zeros, zero_dynamics
 from jaxglider.trim.steady_motion import SteadyMotion, Target, steady_motion
 from jaxglider.trim.straight_glide import glide_limits, glide_polar
 from jaxglider.vehicle.full_plant import full_plant
+from jaxglider.vehicle.published import vehicle_names
 
-VEHICLES = {name: load_vehicle(name) for name in ("seawing", "rogue", "slocum")}
+VEHICLES = {name: load_vehicle(name) for name in vehicle_names()}
 PLANTS = {name: full_plant(vehicle) for name, vehicle in VEHICLES.items()}
 SEAWING = PLANTS["seawing"]
 SPIRAL = Command(0.3, 0.4216 - 0.4016, -np.pi / 4)
@@ -73,7 +74,7 @@ def test_a_slip_of_sign_would_be_seen_in_the_spiral(name):
     [
         ("rogue", -30.0, 0.30, 6.3, -23.7),
         ("rogue", -45.0, 0.37, 3.5, -41.5),
-        ("slocum", -25.0, 0.30, 2.02, -22.98),
+        ("slocum-graver", -25.0, 0.30, 2.02, -22.98),
     ],
 )
 def test_published_straight_glides(name, angle, speed, alpha, pitch):
@@ -81,7 +82,7 @@ def test_published_straight_glides(name, angle, speed, alpha, pitch):
     found = np.degrees(float(jnp.arctan2(state.heave, state.surge)))
     assert found == pytest.approx(alpha, abs=0.06 if name == "rogue" else 0.006)
     assert np.degrees(float(state.pitch)) == pytest.approx(pitch, abs=0.06)
-    if name == "slocum":
+    if name == "slocum-graver":
         # Published with the neutral kilogram: 1.047 kg.
         assert float(command.buoyancy_mass) == pytest.approx(0.047, abs=0.0005)
         assert float(command.mass_position) == pytest.approx(0.0198, abs=0.00005)
@@ -344,7 +345,7 @@ def test_vehicles_are_listed_and_shown(call, tmp_path):
     code, out, _ = call("vehicles", "--json")
     assert code == 0
     found = json.loads(out)
-    assert set(found) == {"rogue", "seawing", "slocum"}
+    assert set(found) == {"rogue", "seawing", "slocum", "slocum-graver"}
     assert found["rogue"]["displaced_mass_kg"] == pytest.approx(11.22)
     assert "parameters.side_force_slope" in found["rogue"]["doubts"]
     _, out, _ = call("vehicles")
@@ -352,7 +353,7 @@ def test_vehicles_are_listed_and_shown(call, tmp_path):
     _, text, _ = call("vehicles", "--show", "slocum")
     (tmp_path / "mine.toml").write_text(text)
     mine = load_vehicle(tmp_path / "mine.toml")
-    assert float(mine.body.induced_drag) == 25.0
+    assert float(mine.parameters.drag) == 7.8
     assert call("vehicles", "--show", "spray")[0] == 2
 
 

@@ -263,3 +263,21 @@ def test_a_wrong_file_is_refused_in_words_one_can_act_on(tmp_path, text, parts):
     assert str(refusal.value).startswith(f"{path}: ")
     for part in parts:
         assert part in str(refusal.value)
+
+
+def test_each_parameter_of_a_table_may_have_a_deviation_of_its_own():
+    table = {
+        "names": ["drag", "lift_slope"],
+        "law": "log-normal",
+        "standard_deviation": [0.05, 0.2],
+        "correlation": [[1.0, -0.7], [-0.7, 1.0]],
+    }
+    found = build_uncertainty({"vehicle": [table]}, SCENARIO)
+    logs = np.log(rows_of(found, 4000))
+    assert logs.std(axis=0) == pytest.approx([0.05, 0.2], rel=0.05)
+    assert np.corrcoef(logs.T)[0, 1] == pytest.approx(-0.7, abs=0.03)
+    short = {**table, "standard_deviation": [0.1]}
+    with pytest.raises(
+        ConfigError, match=r"standard_deviation must be one number or a"
+    ):
+        build_uncertainty({"vehicle": [short]}, SCENARIO)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tuning.api.check_gradients import GradientCheck as GradientCheck
     from tuning.api.check_gradients import check_gradients as check_gradients
+    from tuning.api.fit import FitResult as FitResult
+    from tuning.api.fit import fit as fit
     from tuning.api.results import SweepResult as SweepResult
     from tuning.api.results import TuneResult as TuneResult
     from tuning.api.sweep import sweep as sweep
@@ -27,6 +29,7 @@ _PLACES = {
     "BlackBoxSettings": "tuning.search.settings",
     "CVaR": "tuning.problem.aggregates",
     "DescentSettings": "tuning.search.settings",
+    "FitResult": "tuning.api.fit",
     "GradientCheck": "tuning.api.check_gradients",
     "Mean": "tuning.problem.aggregates",
     "SoftWorst": "tuning.problem.aggregates",
@@ -35,6 +38,7 @@ _PLACES = {
     "Weights": "tuning.problem.objective",
     "WorstResult": "tuning.api.worst",
     "check_gradients": "tuning.api.check_gradients",
+    "fit": "tuning.api.fit",
     "sweep": "tuning.api.sweep",
     "tune": "tuning.api.tune",
     "worst": "tuning.api.worst",

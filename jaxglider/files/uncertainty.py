@@ -25,6 +25,7 @@ from jaxglider.files.uncertainty_tables import (
     read_lags,
 )
 from jaxglider.simulation.scenario import Scenario
+from jaxglider.uncertainty.distributions import AbstractDistribution
 from jaxglider.uncertainty.members import Group, Quantity, Uncertainty
 from jaxglider.uncertainty.quantities import relative, start, waves
 from jaxglider.vehicle.parameters import UNCERTAIN, GliderParameters
@@ -105,12 +106,33 @@ def _vehicle(
         names = _parameters(table.get("names", "all"), table.where("names"))
         correlation = table.get("correlation", None)
         where = table.where("")[:-1]
-        factor = read_distribution(table.rest(), where, 1.0)
-        quantities += [relative(scenario, name, factor) for name in names]
+        factors = _factors(table.rest(), names, where)
+        quantities += [
+            relative(scenario, name, factor)
+            for name, factor in zip(names, factors, strict=True)
+        ]
         if correlation is not None:
             matrix = _correlation(correlation, len(names), f"{where}.correlation")
             groups.append(Group(f"group{count}", names, matrix))
     return quantities, tuple(groups)
+
+
+def _factors(
+    table: dict[str, Any], names: tuple[str, ...], where: str
+) -> list[AbstractDistribution]:
+    """One distribution for all the names, or one each by a list of deviations."""
+    deviation = table.get("standard_deviation")
+    if not isinstance(deviation, list):
+        return [read_distribution(table, where, 1.0)] * len(names)
+    if len(deviation) != len(names):
+        raise ConfigError(
+            f"{where}.standard_deviation must be one number or a list of "
+            f"{len(names)}, one for each name; received {deviation!r}."
+        )
+    return [
+        read_distribution({**table, "standard_deviation": one}, where, 1.0)
+        for one in deviation
+    ]
 
 
 def _parameters(value: Any, where: str) -> tuple[str, ...]:

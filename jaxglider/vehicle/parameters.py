@@ -234,6 +234,8 @@ class VehicleData:
         rates: largest rates of its actuators [kg/s, m/s, rad/s], or None if the file
             does not say.
         doubts: doubts about the numbers, by their keys.
+        deviations: standard deviations of the numbers, where the file says how far
+            they may be off, by their keys; in the unit of each.
     """
 
     name: str
@@ -245,3 +247,4 @@ class VehicleData:
     pump: Mapping[str, float] = dataclasses.field(default_factory=dict)
     energy: Any = None
     doubts: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    deviations: Mapping[str, float] = dataclasses.field(default_factory=dict)

@@ -81,6 +81,7 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
         for key, (kind, needed) in _OPTIONAL.items()
         if key in data
     }
+    deviations = _deviations(data, tables, source)
     try:
         return VehicleData(
             name=name,
@@ -92,6 +93,7 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
             fin=Fin(**extra["fin"]) if steering == "fin" else None,
             pump=extra.get("pump", {}),
             energy=_energy(extra["energy"]) if "energy" in extra else None,
+            deviations=deviations,
         )
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from error
@@ -190,6 +192,26 @@ def _energy(values: dict[str, float]) -> EnergyModel:
     return EnergyModel(**found_in)
 
 
+def _deviations(
+    data: dict[str, Any], tables: Iterable[str], source: str | Path
+) -> dict[str, float]:
+    """Standard deviations that the file states, by key.
+
+    Raises:
+        ValueError: one is no positive number.
+    """
+    found = {}
+    for table in tables:
+        for key, entry in data[table].items():
+            if isinstance(entry, dict) and "standard_deviation" in entry:
+                where = f"{source}: {table}.{key}: standard_deviation"
+                value = number(entry["standard_deviation"], where)
+                if value <= 0.0:
+                    raise ValueError(f"{where} must be positive; received {value:g}.")
+                found[f"{table}.{key}"] = value
+    return found
+
+
 def _values(
     data: dict[str, Any],
     table: str,
@@ -241,7 +263,7 @@ def _check_unit(unit: Any, key: str, source: str | Path) -> None:
     Raises:
         ValueError: names the key, its unit and the one received.
     """
-    wanted = _units()[key]
+    wanted = key_units()[key]
     if not isinstance(unit, str) or _plain(unit) != _plain(wanted):
         raise ValueError(
             f"{source}: {key} must be in {wanted}, and so must its unit say where it "
@@ -250,8 +272,8 @@ def _check_unit(unit: Any, key: str, source: str | Path) -> None:
 
 
 @functools.cache
-def _units() -> dict[str, str]:
-    """The unit of each key, as the vehicles of the package have it."""
+def key_units() -> dict[str, str]:
+    """Unit of each key, as the vehicles of the package have it."""
     data = tomllib.loads(vehicle_text("seawing"))
     own = {
         f"{table}.{key}": unit

@@ -208,6 +208,20 @@ def _trim(options: argparse.Namespace) -> int:
     return trim(options)
 
 
+def _record(options: argparse.Namespace) -> int:
+    start_jax(64)
+    from tuning.cli.commands.identification.record import record
+
+    return record(options)
+
+
+def _fit(options: argparse.Namespace) -> int:
+    start_jax(64)
+    from tuning.cli.commands.identification.fit import fit
+
+    return fit(options)
+
+
 _COMMANDS = {
     "compare": _compare,
     "simulate": _simulate,
@@ -224,4 +238,6 @@ _COMMANDS = {
     "missions": _missions,
     "vehicles": _vehicles,
     "trim": _trim,
+    "record": _record,
+    "fit": _fit,
 }

@@ -20,6 +20,7 @@ from tuning.cli.options.arguments import (
     seed,
 )
 from tuning.cli.options.export import add_controller_binary, add_export
+from tuning.cli.options.record import add_fit, add_record
 from tuning.cli.options.short_errors import Parser
 from tuning.cli.options.sweep import add_merge, add_rerun, add_sweep
 from tuning.cli.options.trim import add_missions, add_trim, add_vehicles
@@ -53,6 +54,8 @@ def parser() -> argparse.ArgumentParser:
     add_missions(commands)
     add_vehicles(commands)
     add_trim(commands)
+    add_record(commands)
+    add_fit(commands)
     for command in commands.choices.values():
         command.add_argument(
             "--debug",

@@ -1,0 +1,1 @@
+"""Results of a fit: scores on held-out dives, report, figures, and files."""
