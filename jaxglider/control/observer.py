@@ -17,7 +17,9 @@ derivative by the implicit function theorem. The signed powers are smoothed (see
 `numerics.signed_powers`): without that the derivative of a rollout is meaningless.
 """
 
+import functools
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -208,13 +210,17 @@ def observer_root(
     single = jnp.finfo(jnp.result_type(target)).bits < 64
     iterations = max(steps - 1, 1) if single else steps
 
-    @not_inlined
-    def newton_root(target: Scalar, gains: tuple[Scalar, ...], least: Scalar) -> Scalar:
-        return _newton_root(target, gains, least, iterations)
-
     fixed = lax.stop_gradient(gains)
-    root = newton_root(lax.stop_gradient(target), fixed, _least_rest(fixed))
+    root = _newton_roots(iterations)(
+        lax.stop_gradient(target), fixed, _least_rest(fixed)
+    )
     return implicit_root(_left_side, root, target, gains)
+
+
+@functools.cache
+def _newton_roots(steps: int) -> Callable[..., Scalar]:
+    """`_newton_root` of some steps: one function, traced once for all six axes."""
+    return not_inlined(functools.partial(_newton_root, steps=steps))
 
 
 def _least_rest(gains: tuple[Scalar, ...]) -> Scalar:
