@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable
-from functools import partial
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -13,10 +12,12 @@ from jaxtyping import Array, Float
 
 from jaxglider.core.containers import Scalar, Series
 from jaxglider.core.numerics import scale_gradient
+from jaxglider.core.traced_once import traced_once
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.flight import close_flight
 from jaxglider.simulation.metrics import Metrics, finish
+from jaxglider.simulation.scenario import Clock
 from jaxglider.simulation.tick import Carry, TickInput, TickPlan, TickRecord
 
 
@@ -174,16 +175,28 @@ def evaluate(
     Raises:
         ValueError: `checkpoint_every` does not divide the number of ticks.
     """
+    share = None
+    if gradient_memory is not None:
+        share = jnp.exp(-loop.scenario.clock.dt / gradient_memory)
 
-    @partial(jax.checkpoint, prevent_cse=False)
+    # A tick does not ask how many there are: one trace for runs of all lengths.
+    clock = Clock(1, loop.scenario.clock.dt, loop.scenario.clock.substeps)
+    any_length = eqx.tree_at(lambda x: x.scenario.clock, loop, clock)
+
     def tick(carry: Carry, inputs: TickInput) -> tuple[Carry, None]:
-        if gradient_memory is not None:
-            carry = _forgetting(
-                carry, jnp.exp(-loop.scenario.clock.dt / gradient_memory)
-            )
-        return loop.tick(carry, inputs)[0], None
+        return _advance(any_length, share, carry, inputs), None
 
     return roll(loop, sea, noise, tick, checkpoint_every=checkpoint_every)[0]
+
+
+@traced_once
+def _advance(
+    loop: ClosedLoop, share: Scalar | None, carry: Carry, inputs: TickInput
+) -> Carry:
+    """One tick of what goes on, the record of the tick left out."""
+    if share is not None:
+        carry = _forgetting(carry, share)
+    return loop.tick(carry, inputs)[0]
 
 
 def _forgetting(carry: Carry, share: Scalar) -> Carry:
