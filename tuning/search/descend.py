@@ -175,7 +175,9 @@ def _gradient_remark(problem: TuningProblem, start: Series) -> str:
     clock = problem.loop.scenario.clock
     ticks = min(clock.ticks, round(CHECKED / float(clock.dt)))
     brief = eqx.tree_at(
-        lambda loop: loop.scenario.clock, problem.loop, Clock(ticks, clock.dt)
+        lambda loop: loop.scenario.clock,
+        problem.loop,
+        Clock(ticks, clock.dt, clock.substeps),
     )
     beginning = dataclasses.replace(problem, loop=brief)
     member = jax.tree.map(lambda x: x[0], nominal_member(brief))
