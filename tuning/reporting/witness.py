@@ -16,6 +16,7 @@ from jaxglider.control import PPC, SMC, FxTPPC, RollAwareFxTPPC
 from jaxglider.control.controller import AbstractController
 from jaxglider.control.funnel import Limits
 from jaxglider.core.containers import Scalar
+from jaxglider.core.traced_once import traced_once
 from jaxglider.signals import BodyAxes, Channels, map_fields, zeros
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics, finish
@@ -68,9 +69,7 @@ def assess(
     dt = loop.scenario.clock.dt
 
     def step(carry: tuple[Carry, _Watch], inputs: TickInput) -> Any:
-        inner, watch = carry
-        after, record = loop.tick(inner, inputs)
-        return (after, _watched(watch, record, due, dt)), None
+        return _watched_tick(loop, due, carry, inputs), None
 
     start = loop.init()
     like = start.state.surge
@@ -130,6 +129,15 @@ def _fixed_time_rate(gains: Any, law: FxTPPC) -> Scalar:
     real = 0.5 * (damping + jnp.sqrt(jnp.maximum(apart, 0.0)))
     root = jnp.where(apart > 0.0, real, jnp.sqrt(stiffness))
     return jnp.maximum(reaching, root)
+
+
+@traced_once
+def _watched_tick(
+    loop: ClosedLoop, due: Any, carry: tuple[Carry, _Watch], inputs: TickInput
+) -> tuple[Carry, _Watch]:
+    inner, watch = carry
+    after, record = loop.tick(inner, inputs)
+    return after, _watched(watch, record, due, loop.scenario.clock.dt)
 
 
 def _due(loop: ClosedLoop) -> Scalar:
