@@ -13,7 +13,13 @@ from jaxglider.control import AbstractController, ControlRecord
 from jaxglider.control.controller import tracking_error
 from jaxglider.signals import Command
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.stability import Glide, LoopModes, glides_of, loop_modes
+from jaxglider.simulation.stability import (
+    Glide,
+    LoopModes,
+    glides_of,
+    loop_modes,
+    statement,
+)
 from jaxglider.trim.linear_model import linearise
 from jaxglider.trim.steady_motion import Target, steady_motion
 
@@ -53,7 +59,7 @@ def test_without_a_law_they_are_the_modes_of_the_trimmed_glider():
     rates = [s for s in expected if s.imag >= 0.0]
     rates.sort(key=lambda s: -s.real)
     np.testing.assert_allclose(modes.rates, rates, rtol=1e-4)
-    assert modes.stable == (rates[0].real < 0.0)
+    assert modes.growth == pytest.approx(rates[0].real, rel=1e-4)
 
 
 def test_inversion_loses_the_climb_that_steering_by_bank_holds():
@@ -96,3 +102,7 @@ def test_a_motion_is_told_by_its_time_and_its_period():
     assert not growing.stable
     assert "GROWS e-fold in 50 s" in growing.text()
     assert "no verdict" in LoopModes(DIVE, (complex(math.nan),)).text()
+    assert statement([decaying]).startswith("the loop is stable on 1 straight glides")
+    assert statement([decaying, growing]).startswith("the loop is NOT stable: dive at")
+    # Slower than any glide lasts.
+    assert LoopModes(DIVE, (complex(5e-5, 0.0),)).stable

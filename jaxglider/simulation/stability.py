@@ -9,6 +9,7 @@ come, counts for nothing.
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -30,6 +31,8 @@ SETTLING = 120.0
 """Time that law and observer are given to come to rest on the glide [s]."""
 DEEP = 500.0
 """Depth that the glide begins at [m], far from surface and bottom."""
+LONG = 10_000.0
+"""Time [s] in which a motion that grows e-fold does no harm: no glide lasts as long."""
 _NEUTRAL, _DEAD, _SMALL = 1e-6, 1e-6, 1e-2
 """Modulus of a rate [1/s] that counts as none, as the place of the glider has; factor
 of a motion that has died; and size of a number that a difference is relative to."""
@@ -84,8 +87,8 @@ class LoopModes:
 
     @property
     def stable(self) -> bool:
-        """Whether every motion decays."""
-        return self.growth < 0.0
+        """Whether no motion grows e-fold within `LONG`."""
+        return self.growth < 1.0 / LONG
 
     def text(self) -> str:
         """A line that says what the glide is and how the loop behaves on it."""
@@ -147,6 +150,22 @@ def loop_modes(loop: ClosedLoop, glides: tuple[Glide, ...]) -> list[LoopModes]:
         derivative = _derivative(still, settling, second)
         modes.append(LoopModes(glide, _rates(derivative, second * dt)))
     return modes
+
+
+def statement(modes: Sequence[LoopModes]) -> str:
+    """Whether a loop is stable on its glides, in a sentence or two.
+
+    Args:
+        modes: natural motions on each glide.
+    """
+    growing = [one.text() for one in modes if not one.stable]
+    if growing:
+        return f"the loop is NOT stable: {'; '.join(growing)}."
+    slowest = max(modes, key=lambda one: one.growth)
+    return (
+        f"the loop is stable on {len(modes)} straight glides, dives and climbs; "
+        f"{slowest.text()}."
+    )
 
 
 def _rates(derivative: np.ndarray, span: float) -> tuple[complex, ...]:

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.stability import glides_of, loop_modes, statement
 from jaxglider.uncertainty.members import Uncertainty
 from tuning.api.results import TuneResult
 from tuning.evaluation.final_gradient import GradientProbe
@@ -207,6 +208,12 @@ def solve(
     if gradient is not None:
         remarks.append(gradient.text())
         note(gradient.text())
+    glides = glides_of(tuned) if check else ()
+    if glides:
+        progress.show("looking whether the loop is stable on its glides ...")
+        remarks.append(statement(loop_modes(tuned, glides)))
+        progress.clear()
+        note(remarks[-1])
     for text in robust.remarks() if robust else ():
         remarks.append(text)
         note(text)

@@ -117,6 +117,11 @@ def _add_simulate(commands: Any) -> None:
         metavar="N",
         help="record every Nth tick alone, which must divide their number; default: 1",
     )
+    parser.add_argument(
+        "--stability",
+        action="store_true",
+        help="say first whether the loop is stable on the glides of its schedule",
+    )
     steered = parser.add_mutually_exclusive_group()
     steered.add_argument(
         "--controller",

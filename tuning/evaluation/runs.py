@@ -18,6 +18,7 @@ from jaxglider.plotting import save_all
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.flight import halves
 from jaxglider.simulation.rollout import Trajectory, simulate
+from jaxglider.simulation.stability import glides_of, loop_modes, statement
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
 from tuning.reporting.flights import markdown_flight, text_flight
@@ -178,3 +179,10 @@ def _file_name(text: str) -> str:
     except UnicodeEncodeError:  # the locale's file names lack a letter
         name = "".join(c if c.isascii() else "-" for c in name)
     return name.strip(".") or "run"
+
+
+def note_stability(loop: ClosedLoop) -> None:
+    """Say whether a loop is stable on the straight glides of its task, if it has any."""
+    glides = glides_of(loop)
+    if glides:
+        note(statement(loop_modes(loop, glides)))

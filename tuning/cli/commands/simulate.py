@@ -11,7 +11,12 @@ from jaxglider.onboard.guard import status_names
 from jaxglider.onboard.pipe import ChildProcess, PipeController
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.start import start_warnings
-from tuning.evaluation.runs import PlannedRun, report_runs, run_all
+from tuning.evaluation.runs import (
+    PlannedRun,
+    note_stability,
+    report_runs,
+    run_all,
+)
 from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import PAPER
 from tuning.reporting.console import note
@@ -44,6 +49,8 @@ def simulate_mission(options: argparse.Namespace) -> int:
         name, loop = gains.label, case.loop(gains)[1]
     for warning in start_warnings(loop):
         note(f"warning: {warning}")
+    if options.stability:
+        note_stability(loop)
     entry = PlannedRun(mission.name, mission.plant, name, loop, published=False)
     done, interrupted = run_all([entry], seed=seed, keep_every=options.keep_every)
     return report_runs(options, done, interrupted, seed)

@@ -8,6 +8,7 @@ from jaxglider.core.toml import reason
 from jaxglider.files import mission, uncertainty
 from jaxglider.files.writing import write_text
 from jaxglider.simulation.start import start_warnings
+from tuning.evaluation.runs import note_stability
 from tuning.reporting.console import note
 from tuning.reporting.exit_codes import OK
 
@@ -40,6 +41,7 @@ def validate(options: argparse.Namespace) -> int:
         note(loaded.stand_ins)
     for warning in (*loaded.remarks, *start_warnings(loaded.loop)):
         note(f"warning: {warning}")
+    note_stability(loaded.loop)
     clock = loaded.loop.scenario.clock
     sys.stdout.write(
         f"{options.path} is valid: {loaded.name}, {loaded.controller}, "
