@@ -15,14 +15,14 @@ does not see that. For small sideslip v and bank φ,
 
 v' = −a v + … + b φ,   Ω' = c v − e Ω + f φ,
 
-b from the lift, f from the water's pitching moment, which a rolled glider has about the
+b from the weight, f from the water's pitching moment, which a rolled glider has about the
 vertical. With the slip eliminated, Ω'' = −T Ω' − D Ω + N φ: T = a + e, N = c b + a f.
 
-Lift and angle of attack are those of the steady glide that belongs to pitch and speed,
-L = −K_D0 u² cotθ: along the axis the net weight pulls against the drag, across it
-against the lift. So N has the sign of the glide, and neither pump nor a passing heave
-turn it round. Weight and moving mass are not in it: where a mass angle yaws the glider
-one way at once and turns it the other way in the end, a bank does not.
+The lift carries the net weight of the ballast, which is known, and b is its share
+across: g m_b cosθ/m₂. The angle of attack is that of the steady glide of this pitch and
+speed. So N has the sign of what the ballast does, and neither a passing heave nor the
+heave of the turn itself goes in. Where a mass angle yaws the glider one way at once and
+turns it the other way in the end, a bank does not.
 
 Source: Newton's laws on the design model; own derivation.
 """
@@ -74,7 +74,7 @@ def turn_model(model: DesignModel, measurement: Measurement) -> TurnModel:
         c.roll_inertia * x * x + c.pitch_inertia * y * y + c.yaw_inertia * z * z
     )
     cotangent = a.cos_pitch * a.sin_pitch / (a.sin_pitch * a.sin_pitch + LEVEL * LEVEL)
-    lift = -c.drag * u * u * cotangent
+    weight = c.gravity * measurement.applied.buoyancy_mass * a.cos_pitch
     w = -u * (c.drag * cotangent + c.lift_offset) / (c.drag + c.lift_slope)
     pitching = c.pitch_moment_offset * u * u + w * (
         c.pitch_moment_slope * speed + (m3 - m1) * u
@@ -89,6 +89,6 @@ def turn_model(model: DesignModel, measurement: Measurement) -> TurnModel:
     return TurnModel(
         rate=inverse * momentum,
         response=inverse
-        * (slip_damping * a.cos_pitch * pitching + turn_by_slip * lift / m2),
+        * (slip_damping * a.cos_pitch * pitching + turn_by_slip * weight / m2),
         damping=slip_damping + inverse * turn_damping * u * u,
     )

@@ -182,7 +182,7 @@ def _file_name(text: str) -> str:
 
 
 def note_stability(loop: ClosedLoop) -> None:
-    """Say whether a loop is stable on the straight glides of its task, if it has any."""
+    """Say whether a loop is stable on the straight glides of its task."""
     glides = glides_of(loop)
     if glides:
         note(statement(loop_modes(loop, glides)))
