@@ -103,7 +103,7 @@ def test_response_and_damping_are_those_of_the_linearised_glider(angle, speed):
     assert float(turn(moved("turn", 1e-3))) == pytest.approx(1e-3, rel=1e-9)
     # The transfer from bank to turn is N/(s^2 + T s + D) but for a term in s.
     response = np.linalg.det(a) * (-np.linalg.solve(a, b))[1]
-    model = turn_model(MODEL, measured(base))
+    model = turn_model(MODEL, measured(base, motion.command))
     assert float(model.damping) == pytest.approx(-np.trace(a), rel=0.02)
     assert float(model.response) == pytest.approx(response, rel=0.02)
     assert float(model.response) < 0.0
@@ -123,7 +123,7 @@ def test_mass_angle_holds_the_bank_of_a_steady_spiral():
 def test_nothing_is_short_where_all_that_was_asked_for_was_done():
     state = dataclasses.replace(state_of(STATES[1]), roll=jnp.asarray(0.3))
     held = command_of(0.1, 0.01, 0.4)
-    turn = turn_model(MODEL, measured(state))
+    turn = turn_model(MODEL, measured(state, held))
     least = float(STEERING.smallest_response) ** 2
     reach = float(turn.response) ** 2
     asked = 0.3 * (reach + least) / float(turn.damping * turn.response)

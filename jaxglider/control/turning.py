@@ -15,8 +15,9 @@ does not see that. For small sideslip v and bank φ,
 
 v' = −a v + … + b φ,   Ω' = c v − e Ω + f φ,
 
-b from the weight, f from the water's pitching moment, which a rolled glider has about the
-vertical. With the slip eliminated, Ω'' = −T Ω' − D Ω + N φ: T = a + e, N = c b + a f.
+b from the weight, f from the water's pitching moment, which a rolled glider has about
+the vertical. With the slip eliminated, Ω'' = −T Ω' − D Ω + N φ, T = a + e and
+N = c b + a f.
 
 The lift carries the net weight of the ballast, which is known, and b is its share
 across: g m_b cosθ/m₂. The angle of attack is that of the steady glide of this pitch and
