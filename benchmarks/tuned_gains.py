@@ -1,10 +1,9 @@
 """Make the gains that come with jaxglider: `python benchmarks/tuned_gains.py`.
 
-Tunes every controller on every plant and case with 200 steps of `jaxglider tune` and
-copies the gains into the package. Where the folder `starts` has a file for a case, the
-descent starts from it, else from the paper's gains; where it has an objective for case
-and plant, that is descended. On the course of the rigid body guidance is tuned too.
-Cases can be named to make a part again.
+Tunes every controller on every plant and case with 80 steps of `jaxglider tune` and
+copies the gains into the package; the actuators are those of the plant. FxTPPC-roll is
+left out: it was made for actuators that jump, and an FxTPPC that steers by bank knows
+of the roll itself. Cases can be named to make a part again.
 
 Then, or with `--judge` at once, it writes a table of what the gains of the package are
 worth beside the paper's on members that neither descent nor choice has seen. Run it in
@@ -27,7 +26,6 @@ from tuning.evaluation.held_out import Judge, compare_held_out
 from tuning.problem.problem import TuningProblem
 from tuning.problem.spec import ProblemSpec
 
-STARTS = Path("benchmarks", "starts")
 PACKAGE = Path(__file__).parent.parent / "jaxglider" / "paper" / "tuned"
 PAPER_BEST = {
     "switching": {"depth": 0.0995, "pitch": 0.0449, "heading": 0.1966},
@@ -37,13 +35,9 @@ PAPER_BEST = {
 CASES = {
     "-".join(case): case
     for case in itertools.product(SCENARIOS, PLANTS, CONTROLLERS)
-    # The printed glider rolls away from its mass: there is nothing to be aware of.
-    if case[1:] != ("printed", "fxtppc-roll")
+    if case[2] != "fxtppc-roll"
 }
 """Scenario, plant and controller of each case, by name."""
-GUIDANCE = "scenario.reference.line_of_sight"
-GUIDED = ("waypoints", "rigid-body")
-"""Where guidance is tuned too: what suits the printed plant turns too sharply there."""
 
 
 def main() -> int:
@@ -87,19 +81,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _words(name: str) -> tuple[str, ...]:
-    """Words of the command that tunes a case, from its start if it has one."""
+    """Words of the command that tunes a case."""
     scenario, plant, controller = CASES[name]
     words = ["tune", "--scenario", scenario, "--plant", plant]
     words += ["--controller", controller]
-    start = STARTS / f"{name}.toml"
-    if start.is_file():
-        words += ["--gains", str(start)]
-    objective = STARTS / f"{scenario}-{plant}-objective.toml"
-    if objective.is_file():
-        words += ["--objective", str(objective)]
-    if (scenario, plant) == GUIDED:
-        own = ("controller",) if controller == "smc" else ("controller", "observer")
-        words += ["--free", *own, GUIDANCE]
     return tuple(words)
 
 
@@ -110,7 +95,16 @@ def _file(name: str) -> Path:
 
 
 def _tune(name: str, out: Path, more: list[str]) -> int:
-    words = (*_words(name), "--steps", "200", *more, "--out", str(out))
+    words = (
+        *_words(name),
+        "--steps",
+        "80",
+        "--precision",
+        "32",
+        *more,
+        "--out",
+        str(out),
+    )
     command = (sys.executable, "-m", "tuning", *words)
     sys.stderr.write(f"{name}\n")
     done = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)

@@ -27,7 +27,7 @@ from jaxglider.plotting.style import (
     styles,
 )
 
-CASE, PLANT, LAW = "waypoints", "rigid-body", "fxtppc-roll"
+CASE, PLANT, LAW = "waypoints", "rigid-body", "fxtppc"
 
 
 def tuned_loop() -> ClosedLoop:

@@ -1,7 +1,8 @@
 """How well heading could be steered: `python docs/heading_bound.py`, for heading.md.
 
 The paper's switching case on `rigid-body`, nominal glider and sea: FxTPPC, and the same
-law made aware of the roll, both with the gains that come along. To the mass angle that
+law made aware of the roll, both with gains tuned for actuators that jump, and with such
+actuators. To the mass angle that
 the first asks for, an angle planned beforehand is added, one number every two seconds
 of the first two minutes after each new heading. These numbers are found by gradient
 descent through the rollout: what perfect knowledge of glider and sea could do, with no
@@ -25,7 +26,6 @@ import jaxglider
 from jaxglider import ClosedLoop, Command, evaluate, paper, simulate
 from jaxglider.control import AbstractController
 from jaxglider.files.gains import load_gains
-from jaxglider.paper.tuned import tuned_gains
 from jaxglider.plotting.save import save
 from jaxglider.plotting.style import (
     PAGE,
@@ -102,10 +102,10 @@ def cost(metrics: Metrics, roll: float) -> jax.Array:
 
 
 def tuned(kind: str) -> ClosedLoop:
-    """A law with the gains that come along."""
-    scenario = paper.make_scenario("switching", "rigid-body")
+    """A law with the gains tuned for actuators that jump."""
+    scenario = paper.make_scenario("switching", "rigid-body", actuators="ideal")
     model = paper.design_model(scenario.plant)
-    file = tuned_gains("switching", "rigid-body", kind)
+    file = Path(__file__).parent / "ideal" / f"rigid-body-{kind}.toml"
     return load_gains(file, "switching", model).on(scenario)
 
 

@@ -83,7 +83,7 @@ class Weights:
         """The same with a roll limit that is a number.
 
         Args:
-            specification: what is prescribed, or None.
+            specification: specification of the run, or None.
         """
         if self.roll_limit is not None:
             return self
