@@ -98,6 +98,7 @@ def recomputed(loop, ticks):
             "rms_error": np.sqrt(np.mean(e**2)),
             "rms_effort": np.sqrt(np.mean(u**2)),
             "chattering": np.sqrt(np.sum(np.diff(u) ** 2) / len(u)),
+            "travel": np.sum(np.abs(np.diff(u, prepend=0.0))),
             "time_outside_funnel": np.mean(np.abs(e) > width),
             "time_saturated": np.mean(np.abs(wanted) > limit),
             "funnel_peak": np.max(np.abs(e) / width),

@@ -31,6 +31,7 @@ def _channel(base):
         "rms_error",
         "rms_effort",
         "chattering",
+        "travel",
         "time_outside_funnel",
         "time_saturated",
     )

@@ -35,7 +35,6 @@ class Weights:
         tracking: L2[e] over its start, each channel.
         effort: L2[U] over its start, each channel.
         chattering: L2[ΔU] over its start, each channel.
-        travel: way of the actuator over its start, each channel.
         crowding: share of the time at the edge of its funnel or beyond, smooth.
         roll: max(max |φ| − roll_limit, 0)² [rad²].
         roll_limit: largest roll that costs nothing [rad]; None for the bank limit that
@@ -43,6 +42,7 @@ class Weights:
         saturation: smooth share of the command that the actuators do not follow.
         energy: energy per km through the water over its start, where yos are flown.
         steering: travel of the steering over its start, where yos are flown.
+        travel: way of the actuator over its start, each channel.
 
     Raises:
         ValueError: a weight is negative or not finite, or all are zero.
@@ -51,13 +51,13 @@ class Weights:
     tracking: float | tuple[float, ...] = 1.0
     effort: float | tuple[float, ...] = 0.0
     chattering: float | tuple[float, ...] = 0.0
-    travel: float | tuple[float, ...] = 0.0
     crowding: float | tuple[float, ...] = 0.0
     roll: float = 0.0
     roll_limit: float | None = None
     saturation: float | tuple[float, ...] = 0.0
     energy: float = 0.0
     steering: float = 0.0
+    travel: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:
         values = {
