@@ -86,6 +86,9 @@ def _columns(ticks):
         yield f"{name}_error", unit, getattr(ticks.error, name)
         yield f"{name}_lower_bound", unit, getattr(ticks.limits, name).lower
         yield f"{name}_upper_bound", unit, getattr(ticks.limits, name).upper
+        for edge in ("lower", "upper"):
+            own = getattr(getattr(ticks.law_limits, name), edge)
+            yield f"{name}_{edge}_law_bound", unit, own
     for name, unit in COMMAND_UNITS.items():
         yield f"{name}_wanted", unit, getattr(ticks.wanted, name)
         yield f"{name}_applied", unit, getattr(ticks.applied, name)

@@ -166,7 +166,7 @@ def test_markdown_lays_each_run_beside_its_printed_column():
         "-",
         "1.7100",
     ]
-    assert _cells(text, "pitch", "time saturated") == ["-", "1.5600", "-", "1.7600"]
+    assert _cells(text, "pitch", "time saturated") == ["-", "1.5700", "-", "1.7700"]
 
 
 def test_each_case_has_a_table_of_its_own():
@@ -202,7 +202,7 @@ def test_the_terminal_table_has_a_line_for_each_channel_and_run():
     lines = [line.split() for line in text.splitlines()]
     assert lines[0] == ["switching", "on", "printed"]
     assert lines[1][-2:] == ["paper", "L2[e]"]
-    measures = ["0.5000", "0.5100", "0.5200", "0.5300", "0.5400", "0.5500"]
+    measures = [f"0.5{n}00" for n in range(7)]
     assert lines[2] == ["depth", "[m]", "smc", *measures, "0.0995"]
     assert lines[7][:3] == ["heading", "[rad]", "ppc"]
     assert lines[7][-1] == "0.1977"
