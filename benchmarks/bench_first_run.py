@@ -159,7 +159,7 @@ def start(words: list[str], cache: str, folder: str) -> dict[str, Any]:
         env={**ENVIRONMENT, "JAX_COMPILATION_CACHE_DIR": cache},
         capture_output=True,
         check=True,
-        text=True,
+        encoding="utf-8",
     )
     return dict(json.loads(done.stdout.splitlines()[-1]))
 

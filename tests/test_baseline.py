@@ -108,7 +108,9 @@ def test_members_that_start_off_a_heading_kept_exactly_are_not_lost(evaluate_jit
         for degrees in (-5.0, 5.0, 10.0)
     ]
     assert not is_lost(jnp.stack(costs), DEFAULT_COST_SCALE)
-    assert float(jnp.max(jnp.stack(costs))) < DEFAULT_COST_SCALE
+    # What a start costs: its tracking, its chattering and its travel.
+    restless = 3.0 * (DEFAULT_WEIGHTS.chattering + DEFAULT_WEIGHTS.travel)
+    assert float(jnp.max(jnp.stack(costs))) < DEFAULT_COST_SCALE + restless
 
 
 def test_without_a_funnel_of_the_scenario_the_laws_own_edges_count(loop, nominal):

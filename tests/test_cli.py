@@ -672,7 +672,7 @@ def test_a_path_that_names_nothing_lists_the_groups_there_are(call):
     code, _, err = call("tune", "--free", "nothing")
     assert code == 2
     paths = tunable_paths(
-        paper.make_loop("switching", "rigid-body", controller="fxtppc-roll")
+        paper.make_loop("switching", "rigid-body", controller="fxtppc")
     )
     listed = re.search(r"choose from (.*) or a .* \((\d+) in all", err)
     assert int(listed[2]) == len(paths)

@@ -293,7 +293,7 @@ def test_a_hedged_surface_settles_in_time_whatever_the_actuator_can_do():
     model = paper.design_model(setting.plant, 1.0)
     k1, k2, mu = 0.1, 0.4, 2.0
     law = dataclasses.replace(
-        paper.make_controller("fxtppc", "switching", model),
+        paper.make_controller("fxtppc", "switching", model, paper.INVERSION),
         gains=Channels(*(ChannelGains(k1, k2, mu=mu),) * 3),
         damping=Command(1e-8, 1e-8, 1e-8),
     )

@@ -383,7 +383,9 @@ def test_a_mission_says_which_key_asks_for_a_body_that_is_not_there(tmp_path):
 
 def test_the_papers_gains_fly_it_upright_but_turn_it_slowly(evaluate_jit):
     """Depth and pitch as on the paper's plant; half of the heading changes are late."""
-    loop = paper.make_loop("switching", "seawing")
+    loop = paper.make_loop(
+        "switching", "seawing", steering=paper.INVERSION, actuators="ideal"
+    )
     metrics = evaluate_jit(loop, loop.scenario.sea(jax.random.key(0)))
     assert bool(metrics.finite)
     assert float(metrics.max_roll) < 1.0

@@ -189,7 +189,7 @@ def test_reading_leaves_the_table_alone():
 
 def test_every_name_stands_for_a_member_of_its_family():
     assert [sorted(members) for members in FAMILIES.values()] == [
-        ["fxtppc", "fxtppc-roll", "ppc", "smc"],
+        ["fxtppc", "fxtppc-roll", "ppc", "slocum", "smc"],
         ["fixed-time", "none"],
         ["exponential", "ppc", "sech"],
         ["bank", "inversion"],

@@ -85,7 +85,13 @@ def proposed():
 
     @functools.cache
     def make(scenario, plant):
-        loop = paper.make_loop(scenario, plant, duration=200.0)
+        loop = paper.make_loop(
+            scenario,
+            plant,
+            duration=200.0,
+            steering=paper.INVERSION,
+            actuators="ideal",
+        )
         if plant == "rigid-body":
             aware = RollAwareFxTPPC(loop.controller, 0.01, 0.3, 1.0, 0.1)
             loop = dataclasses.replace(loop, controller=aware)

@@ -61,7 +61,14 @@ def _make_loop(scenario="switching", controller="fxtppc", dt=0.05, **options):
     if (scenario, controller) == ("waypoints", "fxtppc"):
         duration = COURSE_TICKS * dt
     loop = paper.make_loop(
-        scenario, controller=controller, dt=dt, duration=duration, **options
+        scenario,
+        controller=controller,
+        dt=dt,
+        duration=duration,
+        # As in the paper, on every plant.
+        steering=paper.INVERSION,
+        actuators="ideal",
+        **options,
     )
     # The prototype judged each law by its own funnel.
     scenario = dataclasses.replace(loop.scenario, specification=None)

@@ -105,4 +105,4 @@ def test_a_motion_is_told_by_its_time_and_its_period():
     assert statement([decaying]).startswith("the loop is stable on 1 straight glides")
     assert statement([decaying, growing]).startswith("the loop is NOT stable: dive at")
     # Slower than any glide lasts.
-    assert LoopModes(DIVE, (complex(5e-5, 0.0),)).stable
+    assert LoopModes(DIVE, (complex(5e-4, 0.0),)).stable

@@ -345,7 +345,14 @@ def test_vehicles_are_listed_and_shown(call, tmp_path):
     code, out, _ = call("vehicles", "--json")
     assert code == 0
     found = json.loads(out)
-    assert set(found) == {"rogue", "seawing", "slocum", "slocum-graver"}
+    assert set(found) == {
+        "rogue",
+        "seaglider",
+        "seawing",
+        "slocum",
+        "slocum-comet",
+        "slocum-graver",
+    }
     assert found["rogue"]["displaced_mass_kg"] == pytest.approx(11.22)
     assert "parameters.side_force_slope" in found["rogue"]["doubts"]
     _, out, _ = call("vehicles")

@@ -220,7 +220,11 @@ def observer_root(
 @functools.cache
 def _newton_roots(steps: int) -> Callable[..., Scalar]:
     """`_newton_root` of some steps: one function, traced once for all six axes."""
-    return not_inlined(functools.partial(_newton_root, steps=steps))
+
+    def newton_root(target: Scalar, gains: tuple[Scalar, ...], least: Scalar) -> Scalar:
+        return _newton_root(target, gains, least, steps)
+
+    return not_inlined(newton_root)
 
 
 def _least_rest(gains: tuple[Scalar, ...]) -> Scalar:

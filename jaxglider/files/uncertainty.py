@@ -107,10 +107,13 @@ def _vehicle(
         correlation = table.get("correlation", None)
         where = table.where("")[:-1]
         factors = _factors(table.rest(), names, where)
-        quantities += [
-            relative(scenario, name, factor)
-            for name, factor in zip(names, factors, strict=True)
-        ]
+        try:
+            quantities += [
+                relative(scenario, name, factor)
+                for name, factor in zip(names, factors, strict=True)
+            ]
+        except ValueError as error:
+            raise ConfigError(f"{where}: {error}") from error
         if correlation is not None:
             matrix = _correlation(correlation, len(names), f"{where}.correlation")
             groups.append(Group(f"group{count}", names, matrix))

@@ -9,6 +9,7 @@ k₁ < ¾ k₂² (0.001 against 7.5e-5); they are kept as printed.
 import math
 from typing import Any
 
+from jaxglider.control.steering import AbstractSteering
 from jaxglider.core.containers import choose
 from jaxglider.environment.disturbances import Sinusoid, axes
 from jaxglider.guidance import (
@@ -166,6 +167,8 @@ def make_loop(
     scenario: str = "switching",
     plant: str = "printed",
     controller: str = "fxtppc",
+    *,
+    steering: AbstractSteering | None = None,
     **options: Any,
 ) -> ClosedLoop:
     """A whole closed loop of the paper.
@@ -174,6 +177,7 @@ def make_loop(
         scenario: `switching` or `waypoints`.
         plant: name of the plant, one of `PLANTS`.
         controller: name of the controller.
+        steering: way to steer; `default_steering` by default.
         options: further arguments of `make_scenario`.
 
     Raises:
@@ -181,4 +185,4 @@ def make_loop(
     """
     setting = make_scenario(scenario, plant, **options)
     model = design_model(setting.plant)
-    return make_law(controller, scenario, model).on(setting)
+    return make_law(controller, scenario, model, steering).on(setting)

@@ -31,7 +31,7 @@ SETTLING = 120.0
 """Time that law and observer are given to come to rest on the glide [s]."""
 DEEP = 500.0
 """Depth that the glide begins at [m], far from surface and bottom."""
-LONG = 10_000.0
+LONG = 1000.0
 """Time [s] in which a motion that grows e-fold does no harm: no glide lasts as long."""
 _NEUTRAL, _DEAD, _SMALL = 1e-6, 1e-6, 1e-2
 """Modulus of a rate [1/s] that counts as none, as the place of the glider has; factor

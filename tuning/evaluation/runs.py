@@ -181,8 +181,13 @@ def _file_name(text: str) -> str:
     return name.strip(".") or "run"
 
 
-def note_stability(loop: ClosedLoop) -> None:
-    """Say whether a loop is stable on the straight glides of its task."""
-    glides = glides_of(loop)
-    if glides:
-        note(statement(loop_modes(loop, glides)))
+def note_stability(loop: ClosedLoop, *, always: bool = True) -> None:
+    """Say whether a loop is stable on the straight glides of its task.
+
+    Args:
+        loop: closed loop; nothing is said where its task has no straight glides.
+        always: whether to say it of a stable loop too.
+    """
+    modes = loop_modes(loop, glides_of(loop))
+    if modes and (always or not all(one.stable for one in modes)):
+        note(statement(modes))

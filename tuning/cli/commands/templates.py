@@ -41,7 +41,7 @@ def validate(options: argparse.Namespace) -> int:
         note(loaded.stand_ins)
     for warning in (*loaded.remarks, *start_warnings(loaded.loop)):
         note(f"warning: {warning}")
-    note_stability(loaded.loop)
+    note_stability(loaded.loop, always=False)
     clock = loaded.loop.scenario.clock
     sys.stdout.write(
         f"{options.path} is valid: {loaded.name}, {loaded.controller}, "
