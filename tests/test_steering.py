@@ -15,6 +15,7 @@ from jaxglider.control.steering import Asked
 from jaxglider.control.turning import turn_model
 from jaxglider.signals import Measurement, zeros
 from jaxglider.trim.steady_motion import Target, steady_motion
+from jaxglider.vehicle.full_plant import full_plant
 from jaxglider.vehicle.plant import rigid_body_plant
 from jaxglider.vehicle.published import load_vehicle
 
@@ -109,15 +110,17 @@ def test_response_and_damping_are_those_of_the_linearised_glider(angle, speed):
     assert float(model.response) < 0.0
 
 
-def test_mass_angle_holds_the_bank_of_a_steady_spiral():
-    wanted = Target(buoyancy_mass=0.2, mass_position=0.01, mass_angle=0.3)
-    motion = jax.jit(steady_motion)(PLANT, wanted)
-    still = dataclasses.replace(STEERING, roll_damping=0.0)
-    seen = measured(motion.state, motion.command)
-    angle = still._mass_angle(MODEL, seen, motion.state.roll)
+def test_mass_angle_holds_a_bank_against_the_weight_of_the_hull():
+    """At rest, m_p R_p sin(γ − φ) = m_h z_h sin φ."""
+    model = full_plant(VEHICLE).model()
+    still = GliderState.at_rest(roll=0.3, pitch=-0.5)
+    angle = STEERING._mass_angle(model, measured(still), jnp.asarray(0.3))
+    moving = float(model.parameters.moving_mass * model.parameters.mass_offset)
+    hull = float(model.actuation.hull_moment)
+    exact = 0.3 + math.asin(hull / moving * math.sin(0.3))
     # The sine of γ − φ is taken for its angle.
-    assert abs(float(motion.state.roll)) > 0.1
-    assert float(angle) == pytest.approx(0.3, rel=0.02)
+    assert float(angle) == pytest.approx(exact, rel=0.02)
+    assert exact > 0.6
 
 
 def test_nothing_is_short_where_all_that_was_asked_for_was_done():

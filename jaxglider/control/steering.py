@@ -135,10 +135,12 @@ class BankSteering(AbstractSteering):
     φ_w = T a N/(N² + ε²),   φ_c = clip(φ_w, ±φ_max).
 
     ε keeps it small where a bank does little, as in slow and in steep glides. The mass
-    angle holds that bank against the hull's weight and the slip's rolling moment K, and
-    brings the glider there:
+    angle holds that bank against the hull's weight, and brings the glider there:
 
-    γ = φ_c + (m_h z_h/m_p R_p) sin φ_c − K/(m_p R_p g cosθ) + k (φ_c − φ) − b p.
+    γ = φ_c + (m_h z_h/m_p R_p) sin φ_c + k (φ_c − φ) − b p.
+
+    The slip's rolling moment is left to the feedback: a glider in a current does not
+    know its slip.
 
     Buoyancy and position of the mass are then solved for depth and pitch with this γ,
     as the paper does for all three. The law sees the `TurnModel`'s Ω for ψ'.
@@ -231,13 +233,9 @@ class BankSteering(AbstractSteering):
         """γ [rad] that brings the glider to a bank [rad] and holds it there."""
         c, s = model.parameters, measurement.state
         moving = c.moving_mass * c.mass_offset
-        slope = c.roll_moment_slope * abs(s.surge)
-        moment = (slope + (c.sway_mass - c.heave_mass) * s.heave) * s.sway
-        weight_arm = moving * c.gravity * measurement.attitude.cos_pitch
         return (
             bank
             + model.actuation.hull_below_axis(c) / moving * sincos(bank)[0]
-            - moment / weight_arm
             + self.bank_gain * (bank - wrap(s.roll))
             - self.roll_damping * s.roll_rate
         )
