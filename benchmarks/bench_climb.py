@@ -20,8 +20,8 @@ from jaxglider import Calm, Current, Water, paper, simulate
 from jaxglider.files.gains import load_gains
 from jaxglider.guidance import AttitudeSchedule, Schedule
 from jaxglider.paper.tuned import tuned_gains
+from jaxglider.simulation.checks.stability import Glide, loop_modes
 from jaxglider.simulation.scenario import Scenario
-from jaxglider.simulation.stability import Glide, loop_modes
 from tuning.cli.session.jax_setup import start_jax
 
 ANGLE, RATE = math.radians(26.0), 0.1

@@ -55,7 +55,7 @@ def _in(file: str, *mistakes: tuple[str, str, str, str]) -> list[Mutation]:
 
 MUTATIONS = [
     *_in(
-        "jaxglider/control/performance.py",
+        "jaxglider/control/prescribed/performance.py",
         (
             "performance: final bound dropped",
             "live.value + function.final_bound",
@@ -76,7 +76,7 @@ MUTATIONS = [
         ),
     ),
     *_in(
-        "jaxglider/control/transform.py",
+        "jaxglider/control/prescribed/transform.py",
         (
             "transform: factor 2 of x'P' dropped",
             "(2.0 * x1 * width1 + x * width2)",

@@ -12,7 +12,9 @@ from jaxglider.control import Inversion as Inversion
 from jaxglider.control import RollAwareFxTPPC as RollAwareFxTPPC
 from jaxglider.control.observer import FixedTimeObserver as FixedTimeObserver
 from jaxglider.control.observer import NoObserver as NoObserver
-from jaxglider.control.transform import ErrorTransformation as ErrorTransformation
+from jaxglider.control.prescribed.transform import (
+    ErrorTransformation as ErrorTransformation,
+)
 from jaxglider.core.batching import map_members as map_members
 from jaxglider.core.batching import member_keys as member_keys
 from jaxglider.core.compiler import enable_fast_loops as enable_fast_loops

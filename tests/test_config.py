@@ -27,7 +27,7 @@ from jaxglider.files.mission import (
 )
 from jaxglider.files.uncertainty import load_uncertainty
 from jaxglider.guidance import LineOfSight, WaypointPath
-from jaxglider.simulation.start import start_warnings
+from jaxglider.simulation.checks.start import start_warnings
 from jaxglider.vehicle.published import vehicle_text
 from tuning.problem.gain_sets import resolve
 from tuning.problem.objective_file import read_objective

@@ -22,7 +22,7 @@ from jaxglider import paper
 from jaxglider.control import AbstractController
 from jaxglider.control.catalogue import BY_NAME, OBSERVERS
 from jaxglider.control.observer import AbstractObserver
-from jaxglider.control.performance import (
+from jaxglider.control.prescribed.performance import (
     AbstractPerformanceFunction,
     ExponentialFunction,
     HalfSechFunction,

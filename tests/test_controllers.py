@@ -31,8 +31,8 @@ from jaxglider.control.fxtppc import (
     tian_exponents,
 )
 from jaxglider.control.fxtppc_roll import RollAwareState
-from jaxglider.control.performance import HalfSechFunction, SechFunction
-from jaxglider.control.transform import ErrorTransformation
+from jaxglider.control.prescribed.performance import HalfSechFunction, SechFunction
+from jaxglider.control.prescribed.transform import ErrorTransformation
 from jaxglider.core.numerics import signed_powers
 from jaxglider.signals import (
     BodyAxes,

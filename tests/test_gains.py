@@ -13,7 +13,7 @@ import tomli_w
 from jaxglider import BankSteering, Inversion, paper
 from jaxglider.control.fxtppc import tian_exponents
 from jaxglider.control.observer import FixedTimeObserver, NoObserver
-from jaxglider.control.performance import (
+from jaxglider.control.prescribed.performance import (
     ExponentialFunction,
     HalfSechFunction,
     SechFunction,

@@ -11,7 +11,7 @@ from compiled_c import compile_library, numbers, structure
 from jax import lax
 
 from jaxglider.control.observer import observer_root
-from jaxglider.control.performance import SechFunction
+from jaxglider.control.prescribed.performance import SechFunction
 from jaxglider.core.elementary import arctan, exp2, log2, sincos
 from jaxglider.core.numerics import select
 from jaxglider.core.rotations import attitude

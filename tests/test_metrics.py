@@ -12,13 +12,13 @@ import pytest
 from test_physics import array
 
 from jaxglider import GliderState, paper
-from jaxglider.control.funnel import Limits
-from jaxglider.control.performance import unbounded
+from jaxglider.control.prescribed.funnel import Limits
+from jaxglider.control.prescribed.performance import unbounded
 from jaxglider.core.containers import as_float
 from jaxglider.files.results import metrics_dict
 from jaxglider.signals import Channels, Command, zeros
+from jaxglider.simulation.checks.start import start_warnings
 from jaxglider.simulation.metrics import add_tick, empty_sums, finish
-from jaxglider.simulation.start import start_warnings
 
 DURATION = 20.0
 COMMANDS = {

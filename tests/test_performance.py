@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglider.control.performance import (
+from jaxglider.control.prescribed.performance import (
     ExponentialFunction,
     HalfSechFunction,
     SechFunction,

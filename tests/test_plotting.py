@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from jaxglider import paper, plotting
-from jaxglider.control.funnel import Limits
-from jaxglider.control.performance import (
+from jaxglider.control.prescribed.funnel import Limits
+from jaxglider.control.prescribed.performance import (
     ExponentialFunction,
     HalfSechFunction,
     SechFunction,

@@ -13,18 +13,18 @@ from scipy.integrate import solve_ivp
 
 from jaxglider import Channels, Funnel, Specification, paper
 from jaxglider.control.fxtppc import reaching_law, tian_exponents
-from jaxglider.control.performance import (
+from jaxglider.control.prescribed.performance import (
     ExponentialFunction,
     HalfSechFunction,
     SechFunction,
 )
-from jaxglider.control.transform import ErrorTransformation
+from jaxglider.control.prescribed.transform import ErrorTransformation
+from jaxglider.simulation.checks.start import restart_jumps
 from jaxglider.simulation.specification import (
     bounds_of_a_funnel_inside,
     falling_part,
     initial_of,
 )
-from jaxglider.simulation.start import restart_jumps
 from tuning.space.error_settling import error_bound
 from tuning.space.prescribed import EQUAL_EDGES, INSIDE, RESTART
 from tuning.space.space import HELD_BY_DEFAULT, Space

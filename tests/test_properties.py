@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from oracles import rotation_matrix
 
 from jaxglider.control.observer import observer_root
-from jaxglider.control.performance import (
+from jaxglider.control.prescribed.performance import (
     Bound,
     ExponentialFunction,
     HalfSechFunction,
     SechFunction,
 )
-from jaxglider.control.transform import ErrorTransformation
+from jaxglider.control.prescribed.transform import ErrorTransformation
 from jaxglider.core import numerics
 from jaxglider.core import rotations as frames
 from jaxglider.vehicle.actuators import Actuator

@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from jaxglider import map_members, paper
 from jaxglider.control import AbstractController
-from jaxglider.control.performance import ExponentialFunction
+from jaxglider.control.prescribed.performance import ExponentialFunction
 from jaxglider.core.containers import as_float
 from jaxglider.core.sets import K1_BELOW_K2, OBSERVER_SET, Coupled, Interval
 from jaxglider.guidance import LineOfSight

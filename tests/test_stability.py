@@ -12,14 +12,14 @@ from jaxglider import NoObserver, paper
 from jaxglider.control import AbstractController, ControlRecord
 from jaxglider.control.controller import tracking_error
 from jaxglider.signals import Command
-from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.stability import (
+from jaxglider.simulation.checks.stability import (
     Glide,
     LoopModes,
     glides_of,
     loop_modes,
     statement,
 )
+from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.trim.linear_model import linearise
 from jaxglider.trim.steady_motion import Target, steady_motion
 

@@ -11,8 +11,8 @@ import pytest
 from jaxglider import AttitudeSchedule, Clock, Schedule, paper
 from jaxglider.environment.surface import DIAMETER, surface_force
 from jaxglider.signals import BodyAxes, Command, GliderState, zeros
+from jaxglider.simulation.checks.start import above_the_surface
 from jaxglider.simulation.motion import integrate
-from jaxglider.simulation.start import above_the_surface
 from jaxglider.simulation.tick import TickInput, TickPlan
 from jaxglider.vehicle.plants import PLANTS
 

@@ -3,8 +3,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxglider.control.performance import Bound, unbounded
-from jaxglider.control.transform import ErrorTransformation
+from jaxglider.control.prescribed.performance import Bound, unbounded
+from jaxglider.control.prescribed.transform import ErrorTransformation
 
 SHAPES = np.array([[1.0, 1.0], [0.3, 1.0], [0.8, 0.25]])
 TAIL = 0.95

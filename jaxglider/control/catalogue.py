@@ -10,13 +10,13 @@ from jaxglider.control.controller import AbstractController
 from jaxglider.control.fxtppc import FxTPPC
 from jaxglider.control.fxtppc_roll import RollAwareFxTPPC
 from jaxglider.control.observer import AbstractObserver, FixedTimeObserver, NoObserver
-from jaxglider.control.performance import (
+from jaxglider.control.ppc import PPC
+from jaxglider.control.prescribed.performance import (
     AbstractPerformanceFunction,
     ExponentialFunction,
     HalfSechFunction,
     SechFunction,
 )
-from jaxglider.control.ppc import PPC
 from jaxglider.control.slocum import Slocum
 from jaxglider.control.smc import SMC
 from jaxglider.control.steering import AbstractSteering, BankSteering, Inversion

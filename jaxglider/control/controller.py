@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxglider.control.funnel import Funnel, Limits
-from jaxglider.control.performance import Bound, unbounded
+from jaxglider.control.prescribed.funnel import Funnel, Limits
+from jaxglider.control.prescribed.performance import Bound, unbounded
 from jaxglider.control.steering import INVERSION, AbstractSteering
 from jaxglider.core.containers import Container, Scalar
 from jaxglider.core.rotations import wrap

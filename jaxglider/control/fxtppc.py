@@ -33,10 +33,10 @@ from jaxglider.control.controller import (
     default_damping,
     steered_error,
 )
-from jaxglider.control.funnel import Funnel
-from jaxglider.control.performance import Bound
+from jaxglider.control.prescribed.funnel import Funnel
+from jaxglider.control.prescribed.performance import Bound
+from jaxglider.control.prescribed.transform import TransformedError
 from jaxglider.control.steering import INVERSION, AbstractSteering, Asked
-from jaxglider.control.transform import TransformedError
 from jaxglider.core.containers import Container, Scalar, as_float
 from jaxglider.core.numerics import modulus_powers, signed_powers
 from jaxglider.core.sets import ABOVE_ONE, K1_BELOW_K2, POSITIVE, SHARE, UNIT, Coupled

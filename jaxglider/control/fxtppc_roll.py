@@ -34,9 +34,9 @@ from jaxglider.control.controller import (
     ControlRecord,
     tracking_error,
 )
-from jaxglider.control.funnel import Funnel
 from jaxglider.control.fxtppc import FxTPPC, FxTPPCState
-from jaxglider.control.performance import Bound
+from jaxglider.control.prescribed.funnel import Funnel
+from jaxglider.control.prescribed.performance import Bound
 from jaxglider.control.steering import Inversion
 from jaxglider.core.containers import Scalar, as_float
 from jaxglider.core.numerics import saturate

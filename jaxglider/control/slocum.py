@@ -32,8 +32,8 @@ from jaxglider.control.controller import (
     ControlRecord,
     tracking_error,
 )
-from jaxglider.control.funnel import Funnel
-from jaxglider.control.performance import Bound
+from jaxglider.control.prescribed.funnel import Funnel
+from jaxglider.control.prescribed.performance import Bound
 from jaxglider.core.containers import Flag, Scalar, as_float
 from jaxglider.core.numerics import square_root
 from jaxglider.core.sets import NOT_NEGATIVE, POSITIVE, Interval

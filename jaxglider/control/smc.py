@@ -15,8 +15,8 @@ from jaxglider.control.controller import (
     default_damping,
     steered_error,
 )
-from jaxglider.control.funnel import Funnel
-from jaxglider.control.performance import Bound
+from jaxglider.control.prescribed.funnel import Funnel
+from jaxglider.control.prescribed.performance import Bound
 from jaxglider.control.steering import INVERSION, AbstractSteering
 from jaxglider.core.containers import Scalar
 from jaxglider.core.sets import POSITIVE

@@ -15,7 +15,7 @@ from jaxglider.control.catalogue import (
 )
 from jaxglider.control.fxtppc import EXPONENTS
 from jaxglider.control.observer import AbstractObserver
-from jaxglider.control.performance import AbstractPerformanceFunction
+from jaxglider.control.prescribed.performance import AbstractPerformanceFunction
 from jaxglider.control.steering import AbstractSteering
 from jaxglider.core.toml import (
     ConfigError,

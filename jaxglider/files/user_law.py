@@ -22,7 +22,7 @@ import jax.numpy as jnp
 from jaxglider import paper
 from jaxglider.control.catalogue import BY_NAME, LawEntry
 from jaxglider.control.controller import AbstractController, ControlRecord
-from jaxglider.control.funnel import Funnel
+from jaxglider.control.prescribed.funnel import Funnel
 from jaxglider.control.steering import AbstractSteering
 from jaxglider.core.toml import ConfigError, reason
 from jaxglider.files.law_paths import is_own, short_name

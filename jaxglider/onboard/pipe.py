@@ -35,8 +35,8 @@ from jaxglider.control.controller import (
     ControlRecord,
     tracking_error,
 )
-from jaxglider.control.funnel import Funnel
-from jaxglider.control.performance import Bound
+from jaxglider.control.prescribed.funnel import Funnel
+from jaxglider.control.prescribed.performance import Bound
 from jaxglider.core.containers import Scalar
 from jaxglider.signals import (
     Channels,

@@ -16,14 +16,14 @@ from jaxglider.control import (
 from jaxglider.control.catalogue import BY_NAME
 from jaxglider.control.fxtppc import paper_exponents
 from jaxglider.control.observer import AbstractObserver, FixedTimeObserver, NoObserver
-from jaxglider.control.performance import (
+from jaxglider.control.prescribed.performance import (
     AbstractPerformanceFunction,
     HalfSechFunction,
     SechFunction,
 )
+from jaxglider.control.prescribed.transform import ErrorTransformation
 from jaxglider.control.slocum import Slocum
 from jaxglider.control.steering import INVERSION, AbstractSteering, BankSteering
-from jaxglider.control.transform import ErrorTransformation
 from jaxglider.core.containers import choose
 from jaxglider.signals import BodyAxes, Channels
 from jaxglider.simulation.gains import LoadedGains

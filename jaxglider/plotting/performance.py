@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 
-from jaxglider.control.performance import AbstractPerformanceFunction
+from jaxglider.control.prescribed.performance import AbstractPerformanceFunction
 from jaxglider.plotting.style import INK, distinct_styles, legend_above
 
 _LONG_AGO = 1e9

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxglider.control.performance import (
+from jaxglider.control.prescribed.performance import (
     AbstractPerformanceFunction,
     ExponentialFunction,
     HalfSechFunction,

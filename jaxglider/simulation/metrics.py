@@ -14,8 +14,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglider.control.funnel import Limits
-from jaxglider.control.performance import Bound
+from jaxglider.control.prescribed.funnel import Limits
+from jaxglider.control.prescribed.performance import Bound
 from jaxglider.core.containers import Flag, Scalar
 from jaxglider.core.numerics import square_root
 from jaxglider.signals import Channels, Command, GliderState, map_fields

@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxglider.control.funnel import Funnel, Limits
-from jaxglider.control.performance import (
+from jaxglider.control.prescribed.funnel import Funnel, Limits
+from jaxglider.control.prescribed.performance import (
     AbstractPerformanceFunction,
     Bound,
     ExponentialFunction,

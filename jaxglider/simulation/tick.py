@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 
 from jaxglider.control.controller import ControlRecord
-from jaxglider.control.funnel import Limits
-from jaxglider.control.performance import Bound
+from jaxglider.control.prescribed.funnel import Limits
+from jaxglider.control.prescribed.performance import Bound
 from jaxglider.core.containers import Scalar
 from jaxglider.signals import BodyAxes, Channels, Command, GliderState, Reference
 from jaxglider.simulation.flight_sums import FlightSums

@@ -10,8 +10,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from jaxglider.simulation.checks.stability import glides_of, loop_modes, statement
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.stability import glides_of, loop_modes, statement
 from jaxglider.uncertainty.members import Uncertainty
 from tuning.api.results import TuneResult
 from tuning.evaluation.final_gradient import GradientProbe

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from jaxglider.control import PPC, SMC, FxTPPC, RollAwareFxTPPC
 from jaxglider.control.controller import AbstractController
-from jaxglider.control.funnel import Limits
+from jaxglider.control.prescribed.funnel import Limits
 from jaxglider.core.containers import Scalar
 from jaxglider.core.traced_once import traced_once
 from jaxglider.signals import BodyAxes, Channels, map_fields, zeros

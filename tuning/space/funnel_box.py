@@ -6,7 +6,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from jaxglider.control.performance import HalfSechFunction
+from jaxglider.control.prescribed.performance import HalfSechFunction
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.specification import (
     FunnelBounds,

@@ -17,12 +17,12 @@ Whatever the free numbers are,
 from collections.abc import Collection, Iterator
 from operator import attrgetter
 
-from jaxglider.control.funnel import Funnel
 from jaxglider.control.fxtppc import ChannelGains, tian_exponents
+from jaxglider.control.prescribed.funnel import Funnel
 from jaxglider.core.sets import K1_BELOW_K2
 from jaxglider.signals import CHANNELS
+from jaxglider.simulation.checks.start import restart_jumps
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.start import restart_jumps
 from tuning.space.coordinate import Coordinate
 from tuning.space.error_settling import ERROR, error_coordinates
 from tuning.space.funnel_box import INSIDE, RESTART, FunnelBox

@@ -9,8 +9,8 @@ from jaxglider.control.observer import NoObserver
 from jaxglider.files.mission import Mission, load_mission
 from jaxglider.onboard.guard import status_names
 from jaxglider.onboard.pipe import ChildProcess, PipeController
+from jaxglider.simulation.checks.start import start_warnings
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.start import start_warnings
 from tuning.evaluation.runs import (
     PlannedRun,
     note_stability,

@@ -7,7 +7,7 @@ from pathlib import Path
 from jaxglider.core.toml import reason
 from jaxglider.files import mission, uncertainty
 from jaxglider.files.writing import write_text
-from jaxglider.simulation.start import start_warnings
+from jaxglider.simulation.checks.start import start_warnings
 from tuning.evaluation.runs import note_stability
 from tuning.reporting.console import note
 from tuning.reporting.exit_codes import OK

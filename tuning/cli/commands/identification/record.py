@@ -3,9 +3,9 @@
 import argparse
 
 from jaxglider.files.writing import write_json
-from tuning.identification.record.figure import save_record
 from tuning.identification.record.overview import overview, text_of
 from tuning.identification.record.reading import read_record
+from tuning.identification.report.record_figure import save_record
 from tuning.reporting.console import note, print_result
 from tuning.reporting.exit_codes import OK
 from tuning.reporting.output_folder import folder_name

@@ -17,7 +17,7 @@ import math
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxglider.control.performance import Bound
+from jaxglider.control.prescribed.performance import Bound
 from jaxglider.core.containers import Container, Scalar, as_float
 from jaxglider.core.numerics import log2
 from jaxglider.core.sets import UNIT, UNIT_CLOSED

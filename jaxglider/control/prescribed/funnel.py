@@ -3,8 +3,8 @@
 import equinox as eqx
 import jax
 
-from jaxglider.control.performance import AbstractPerformanceFunction, Bound
-from jaxglider.control.transform import ErrorTransformation, TransformedError
+from jaxglider.control.prescribed.performance import AbstractPerformanceFunction, Bound
+from jaxglider.control.prescribed.transform import ErrorTransformation, TransformedError
 from jaxglider.core.containers import Container, Scalar
 from jaxglider.signals import Channels, map_fields
 

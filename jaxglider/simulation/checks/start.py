@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.control import tracking_error
-from jaxglider.control.funnel import Limits
+from jaxglider.control.prescribed.funnel import Limits
 from jaxglider.core.containers import Scalar
 from jaxglider.guidance import (
     AbstractReference,

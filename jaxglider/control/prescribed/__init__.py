@@ -1,0 +1,1 @@
+"""Prescribed performance: how large an error may be, and what keeps it there."""
