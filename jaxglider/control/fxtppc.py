@@ -204,12 +204,7 @@ class FxTPPC(AbstractController):
         if state.asked is None:
             return state.integral
         shortfall = self.steering.shortfall(self.model, measurement, state.asked)
-        return map_fields(
-            lambda integral, t, nu: integral - dt * self.hedging * t.gain * nu,
-            state.integral,
-            transformed,
-            shortfall,
-        )
+        return spared(state.integral, transformed, shortfall, dt * self.hedging)
 
     @jax.named_scope("sliding_surface")
     def _channel(
@@ -233,6 +228,25 @@ class _ChannelLaw(eqx.Module):
     sliding: jax.Array
     reaching: jax.Array
     surface: jax.Array
+
+
+def spared(
+    integral: Channels[Scalar],
+    transformed: Channels[TransformedError],
+    shortfall: Channels[Scalar],
+    share: Scalar,
+) -> Channels[Scalar]:
+    """The integral of the surface less a share of λ ν_h: pseudo-control hedging.
+
+    Args:
+        integral: ∫ A dt of each channel.
+        transformed: transformed errors, which carry λ.
+        shortfall: ν_h [m/s², rad/s²].
+        share: η Δt [s].
+    """
+    return map_fields(
+        lambda i, t, nu: i - share * t.gain * nu, integral, transformed, shortfall
+    )
 
 
 def reaching_law(s: Scalar, mu: Scalar, smoothing: Scalar) -> Scalar:

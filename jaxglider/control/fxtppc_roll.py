@@ -34,15 +34,15 @@ from jaxglider.control.controller import (
     ControlRecord,
     tracking_error,
 )
-from jaxglider.control.fxtppc import FxTPPC, FxTPPCState
+from jaxglider.control.fxtppc import FxTPPC, FxTPPCState, spared
 from jaxglider.control.prescribed.funnel import Funnel
 from jaxglider.control.prescribed.performance import Bound
-from jaxglider.control.steering import Inversion
+from jaxglider.control.steering import Asked, Inversion
 from jaxglider.core.containers import Scalar, as_float
 from jaxglider.core.numerics import saturate
 from jaxglider.core.rotations import wrap
 from jaxglider.core.sets import NOT_NEGATIVE, Interval
-from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
+from jaxglider.signals import Channels, Command, Measurement, Reference
 from jaxglider.vehicle.design_model import DesignModel
 
 
@@ -133,24 +133,20 @@ class RollAwareFxTPPC(AbstractController):
     ) -> tuple[Command[Scalar], RollAwareState, ControlRecord]:
         """One tick of the law, from a hedged integral."""
         error, rate = tracking_error(measurement, reference)
-        gains = map_fields(lambda t: t.gain, self.funnel.transform(error, rate, bounds))
-        kept_back = map_fields(jnp.subtract, measurement.applied, state.asked)
-        hedge = self.model.input_gain(measurement).response(kept_back)
-        integral = map_fields(
-            lambda integral, slope, h: integral - dt * self.hedging * slope * h,
-            state.integral,
-            gains,
-            hedge,
-        )
+        transformed = self.funnel.transform(error, rate, bounds)
+        asked = Asked(state.asked, jnp.zeros_like(self.hedging))
+        shortfall = self.law.steering.shortfall(self.model, measurement, asked)
+        share = dt * self.hedging
+        integral = spared(state.integral, transformed, shortfall, share)
         wanted, following, record = self.law.step(
             FxTPPCState(integral), measurement, reference, bounds, dt
         )
         glider = measurement.state
         angle = wanted.mass_angle + self.roll_share * wrap(glider.roll)
-        asked = Command(wanted.buoyancy_mass, wanted.mass_position, angle)
+        wish = Command(wanted.buoyancy_mass, wanted.mass_position, angle)
         steered = Command(
-            asked.buoyancy_mass,
-            asked.mass_position,
+            wish.buoyancy_mass,
+            wish.mass_position,
             saturate(angle, self.largest_angle) - self.roll_damping * glider.roll_rate,
         )
-        return steered, RollAwareState(following.integral, asked), record
+        return steered, RollAwareState(following.integral, wish), record

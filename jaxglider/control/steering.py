@@ -22,7 +22,7 @@ from jaxglider.core.numerics import barrier, saturate, sincos
 from jaxglider.core.rotations import wrap
 from jaxglider.core.sets import NOT_NEGATIVE, POSITIVE, Interval
 from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
-from jaxglider.vehicle.design_model import DesignModel
+from jaxglider.vehicle.design_model import DesignModel, InputGain
 
 
 class Asked(eqx.Module):
@@ -40,7 +40,6 @@ class Asked(eqx.Module):
 class AbstractSteering(Container):
     """A way to carry out the output accelerations that a law asks for."""
 
-    @abstractmethod
     def error_rate(
         self,
         model: DesignModel,
@@ -48,7 +47,7 @@ class AbstractSteering(Container):
         reference: Reference,
         rate: Channels[Scalar],
     ) -> Channels[Scalar]:
-        """e' [m/s, rad/s] as a law should see it.
+        """e' [m/s, rad/s] as a law should see it; as it is where nothing else is said.
 
         Args:
             model: design model.
@@ -56,6 +55,7 @@ class AbstractSteering(Container):
             reference: wanted outputs with their rates.
             rate: e' [m/s, rad/s].
         """
+        return rate
 
     @abstractmethod
     def command(
@@ -90,16 +90,6 @@ class AbstractSteering(Container):
 class Inversion(AbstractSteering):
     """The paper's: g inverted by damped least squares."""
 
-    def error_rate(
-        self,
-        model: DesignModel,
-        measurement: Measurement,
-        reference: Reference,
-        rate: Channels[Scalar],
-    ) -> Channels[Scalar]:
-        """e' as it is."""
-        return rate
-
     @jax.named_scope("allocation")
     def command(
         self,
@@ -109,8 +99,7 @@ class Inversion(AbstractSteering):
         damping: Command[Scalar],
     ) -> Command[Scalar]:
         """U = g⁻¹(demand − f − h d̂); without the depth where ballast is ordered."""
-        push = map_fields(lambda d, f: d - f, demand, model.drift(measurement))
-        push, gain = barrier((push, model.input_gain(measurement)))
+        push, gain = _push_and_gain(model, measurement, demand)
         if measurement.buoyancy_mass is not None:
             return gain.solve_at(measurement.buoyancy_mass, push, damping)
         return gain.solve(push, damping)
@@ -124,6 +113,17 @@ class Inversion(AbstractSteering):
 
 
 INVERSION = Inversion()
+
+
+def _push_and_gain(
+    model: DesignModel, measurement: Measurement, demand: Channels[Scalar]
+) -> tuple[Channels[Scalar], InputGain]:
+    """The push that is left to the command, demand − f − h d̂, and g."""
+    push = map_fields(lambda d, f: d - f, demand, model.drift(measurement))
+    left: tuple[Channels[Scalar], InputGain] = barrier(
+        (push, model.input_gain(measurement))
+    )
+    return left
 
 
 class BankSteering(AbstractSteering):
@@ -164,7 +164,7 @@ class BankSteering(AbstractSteering):
     roll_damping: Scalar = eqx.field(
         converter=as_float, default=1.5, metadata={"unit": "s", "set": NOT_NEGATIVE}
     )
-    # 40 deg: the roll overshoots it by some degrees and stays below 45.
+    # 40 deg: the roll overshoots it by some degrees.
     largest_bank: Scalar = eqx.field(
         converter=as_float,
         default=0.7,
@@ -198,8 +198,7 @@ class BankSteering(AbstractSteering):
         angle = self._mass_angle(
             model, measurement, saturate(wanted, self.largest_bank)
         )
-        push = map_fields(lambda d, f: d - f, demand, model.drift(measurement))
-        push, gain = barrier((push, model.input_gain(measurement)))
+        push, gain = _push_and_gain(model, measurement, demand)
         if measurement.buoyancy_mass is not None:
             return gain.position_at(measurement.buoyancy_mass, push, damping, angle)
         return gain.solve_with_angle(push, damping, angle)
@@ -217,8 +216,8 @@ class BankSteering(AbstractSteering):
         reached = model.input_gain(measurement).response(moved)
         turn = turn_model(model, measurement)
         missing = wrap(measurement.state.roll) - self._wanted_bank(turn, asked.turn)
-        at_rest = turn.damping < self.smallest_response
-        share = turn.response / jnp.where(at_rest, 1.0, turn.damping)
+        # At rest both are zero.
+        share = turn.response / jnp.where(turn.damping > 0.0, turn.damping, 1.0)
         return Channels(reached.depth, reached.pitch, share * missing)
 
     def _wanted_bank(self, turn: TurnModel, wanted: Scalar) -> Scalar:

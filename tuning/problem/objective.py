@@ -41,7 +41,6 @@ class Weights:
             is specified, or 1.5 where none is.
         saturation: smooth share of the command that the actuators do not follow.
         energy: energy per km through the water over its start, where yos are flown.
-        steering: travel of the steering over its start, where yos are flown.
         travel: way of the actuator over its start, each channel.
 
     Raises:
@@ -56,7 +55,6 @@ class Weights:
     roll_limit: float | None = None
     saturation: float | tuple[float, ...] = 0.0
     energy: float = 0.0
-    steering: float = 0.0
     travel: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:
@@ -138,24 +136,21 @@ class Objective(eqx.Module):
         return total + self._flight(metrics)
 
     def _flight(self, metrics: Metrics) -> Scalar | float:
-        """The terms of a flight; nothing where they weigh nothing.
+        """The term of a flight; nothing where it weighs nothing.
 
         Raises:
-            ValueError: they weigh something, and no flight is measured.
+            ValueError: it weighs something, and no flight is measured.
         """
         weights, flight, start = self.weights, metrics.flight, self.baseline.flight
-        if not (weights.energy or weights.steering):
+        if not weights.energy:
             return 0.0
         if flight is None or start is None:
             raise ValueError(
-                "the weights energy and steering need a mission that flies yos, or one "
-                "with a table [energy]; this one measures no flight."
+                "the weight energy needs a mission that flies yos, or one with a table "
+                "[energy]; this one measures no flight."
             )
         used = flight.energy_per_through_water
-        travel = flight.travel.mass_angle
-        energy = used / (start.energy_per_through_water + 1e-12)
-        steering = travel / (start.travel.mass_angle + 1e-12)
-        return weights.energy * energy + weights.steering * steering
+        return weights.energy * used / (start.energy_per_through_water + 1e-12)
 
     def cost_scale(self) -> float:
         """Cost of a run like the start: the scale of poor and of failed ones.
@@ -183,8 +178,7 @@ class Objective(eqx.Module):
             total = sum(sum(by_channel(getattr(self.weights, n))) for n in names)
             if total > 0.0:
                 return total
-        flight = self.weights.energy + self.weights.steering
-        return flight or self.weights.roll
+        return self.weights.energy or self.weights.roll
 
     def terms(self, metrics: Metrics) -> dict[str, tuple[Scalar, ...]]:
         """Each term of the channels without its weights, in their order."""
