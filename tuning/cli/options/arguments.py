@@ -161,6 +161,17 @@ def add_actuators(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_controller(parser: argparse.ArgumentParser) -> None:
+    """The control law."""
+    parser.add_argument(
+        "--controller",
+        type=law,
+        metavar="NAME",
+        help=f"{', '.join(CONTROLLERS)}, or {OWN_LAW}; default: fxtppc, or what "
+        "--gains or --config has",
+    )
+
+
 def add_mission(parser: argparse.ArgumentParser, text: str) -> None:
     """A mission file, named alone or by `--config`.
 

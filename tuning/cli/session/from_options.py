@@ -24,13 +24,8 @@ from tuning.search.settings import BlackBoxSettings, DescentSettings
 from tuning.space.coordinates import OBSERVER_SET
 from tuning.space.space import HELD_BY_DEFAULT
 
-DEFAULT_CONTROLLER = {
-    "printed": "fxtppc",
-    "rigid-body": "fxtppc",
-    "seawing": "fxtppc",
-}
-"""Controller by plant where neither option nor file names one; the printed glider
-rolls away from its mass, and needs no more than the paper's law."""
+DEFAULT_CONTROLLER = "fxtppc"
+"""Controller where neither option nor file names one."""
 
 
 def flight_case(options: argparse.Namespace) -> FlightCase:
@@ -131,7 +126,7 @@ def starting_loop(
     if options.gains is not None:
         words = [str(options.gains)]
     for word in words:
-        (gains,) = case.resolve([word], [wanted or DEFAULT_CONTROLLER[case.plant]])
+        (gains,) = case.resolve([word], [wanted or DEFAULT_CONTROLLER])
         controller, loop = case.loop(gains)
         if wanted is None or is_same_law(wanted, controller):
             return controller, loop
@@ -188,7 +183,7 @@ def campaign_settings(
         members=options.members,
         design=options.design,
         uncertainty=_text(half_width),
-        gains=case.resolve(words, options.controller or ["fxtppc"]),
+        gains=case.resolve(words, options.controller or [DEFAULT_CONTROLLER]),
         until_ci=options.until_ci,
         mission=None if options.config is None else self_contained(options.config),
     )

@@ -205,7 +205,7 @@ depth_rate_m_s = {0.6 * float(np.median(rate[steady])):.3f}
 initial_depth_m = {float(np.percentile(flight.depth[flight.good], 5)):.1f}
 
 [controller]
-type = "fxtppc-roll"
+type = "fxtppc"
 
 [observer]
 type = "fixed-time"
