@@ -127,9 +127,7 @@ def test_nothing_is_short_where_all_that_was_asked_for_was_done():
     state = dataclasses.replace(state_of(STATES[1]), roll=jnp.asarray(0.3))
     held = command_of(0.1, 0.01, 0.4)
     turn = turn_model(MODEL, measured(state, held))
-    least = float(STEERING.smallest_response) ** 2
-    reach = float(turn.response) ** 2
-    asked = 0.3 * (reach + least) / float(turn.damping * turn.response)
+    asked = 0.3 * float(turn.response / turn.damping)
     none = STEERING.shortfall(
         MODEL, measured(state, held), Asked(held, jnp.asarray(asked))
     )
@@ -138,9 +136,7 @@ def test_nothing_is_short_where_all_that_was_asked_for_was_done():
     more = STEERING.shortfall(
         MODEL, measured(state, held), Asked(held, jnp.asarray(2.0 * asked))
     )
-    assert float(more.heading) == pytest.approx(
-        -0.3 * float(turn.response / turn.damping), rel=1e-9
-    )
+    assert float(more.heading) == pytest.approx(-asked, rel=1e-9)
 
 
 def test_bank_stays_within_its_limit_and_depth_and_pitch_get_what_they_ask_for():

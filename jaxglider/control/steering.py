@@ -16,7 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglider.control.turning import TurnModel, turn_model
+from jaxglider.control.turning import turn_model
 from jaxglider.core.containers import Container, Scalar, as_float
 from jaxglider.core.numerics import barrier, saturate, sincos
 from jaxglider.core.rotations import wrap
@@ -194,10 +194,12 @@ class BankSteering(AbstractSteering):
 
         Where ballast is ordered, r_p1 is solved for the pitch alone.
         """
-        wanted = self._wanted_bank(turn_model(model, measurement), demand.heading)
-        angle = self._mass_angle(
-            model, measurement, saturate(wanted, self.largest_bank)
-        )
+        turn = turn_model(model, measurement)
+        least = self.smallest_response * self.smallest_response
+        share = turn.response / (turn.response * turn.response + least)
+        wanted = turn.damping * demand.heading * share
+        bank = saturate(wanted, self.largest_bank)
+        angle = self._mass_angle(model, measurement, bank)
         push, gain = _push_and_gain(model, measurement, demand)
         if measurement.buoyancy_mass is not None:
             return gain.position_at(measurement.buoyancy_mass, push, damping, angle)
@@ -206,25 +208,22 @@ class BankSteering(AbstractSteering):
     def shortfall(
         self, model: DesignModel, measurement: Measurement, asked: Asked
     ) -> Channels[Scalar]:
-        """g (U_applied − U_asked) for depth and pitch, N (φ − φ_w)/T for the heading.
+        """g (U_applied − U_asked) for depth and pitch, N φ/T − a for the heading.
 
-        γ is left out of the first: it is known when the others are solved for.
+        So what ε and the limit of the bank take from a counts as not carried out, and a
+        law that hedges integrates less where a bank does little: in a climb, its
+        integral would else swing. γ is left out of the first: it is known when the
+        others are solved for.
         """
         kept_back = map_fields(jnp.subtract, measurement.applied, asked.command)
         zero = jnp.zeros_like(asked.turn)
         moved = Command(kept_back.buoyancy_mass, kept_back.mass_position, zero)
         reached = model.input_gain(measurement).response(moved)
         turn = turn_model(model, measurement)
-        missing = wrap(measurement.state.roll) - self._wanted_bank(turn, asked.turn)
         # At rest both are zero.
         share = turn.response / jnp.where(turn.damping > 0.0, turn.damping, 1.0)
-        return Channels(reached.depth, reached.pitch, share * missing)
-
-    def _wanted_bank(self, turn: TurnModel, wanted: Scalar) -> Scalar:
-        """φ_w [rad] for a wanted acceleration of the heading [rad/s²]."""
-        least = self.smallest_response * self.smallest_response
-        response = turn.response
-        return turn.damping * wanted * response / (response * response + least)
+        delivered = share * wrap(measurement.state.roll)
+        return Channels(reached.depth, reached.pitch, delivered - asked.turn)
 
     def _mass_angle(
         self, model: DesignModel, measurement: Measurement, bank: Scalar

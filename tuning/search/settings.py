@@ -40,8 +40,8 @@ class DescentSettings:
         ValueError: a number outside its range, or an unknown optimiser.
     """
 
-    steps: int = 120
-    learning_rate: float = 0.3
+    steps: int = 80
+    learning_rate: float = 0.1
     optimiser: str = "adam"
     batch: int = 8
     copies: int = 8

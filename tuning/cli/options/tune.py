@@ -65,15 +65,15 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
         "logarithm of a gain; default: 0.5",
     )
     descent.add_argument(
-        "--steps", type=count, default=120, metavar="N", help="default: 120"
+        "--steps", type=count, default=80, metavar="N", help="default: 80"
     )
     descent.add_argument(
         "--learning-rate",
         type=positive,
-        default=0.3,
+        default=0.1,
         metavar="R",
         help="of the first step, in the logarithm of a gain; it falls to zero along "
-        "half a cosine; default: 0.3",
+        "half a cosine; default: 0.1",
     )
     descent.add_argument(
         "--optimizer",
@@ -91,10 +91,10 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
     descent.add_argument(
         "--gradient-memory",
         type=not_negative,
-        default=60.0,
+        default=200.0,
         metavar="S",
         help="how long the gradient remembers [s]; 0: for ever, the exact derivative, "
-        "which explodes on long runs; default: 60",
+        "which may explode on long runs; default: 200",
     )
     descent.add_argument(
         "--starts",
