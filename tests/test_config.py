@@ -18,6 +18,8 @@ from jaxglider.control.observer import FixedTimeObserver, NoObserver
 from jaxglider.core.toml import ConfigError
 from jaxglider.environment.disturbances import GaussMarkov
 from jaxglider.files.codec import encode
+from jaxglider.files.file_kinds import refuse_other_kind
+from jaxglider.files.flight.missions import mission_names, mission_path
 from jaxglider.files.gains import decode_gains, encode_law, load_gains
 from jaxglider.files.mission import (
     TEMPLATE,
@@ -28,7 +30,7 @@ from jaxglider.files.mission import (
 from jaxglider.files.uncertainty import load_uncertainty
 from jaxglider.guidance import LineOfSight, WaypointPath
 from jaxglider.simulation.checks.start import start_warnings
-from jaxglider.vehicle.published import vehicle_text
+from jaxglider.vehicle.published import vehicle_names, vehicle_text
 from tuning.problem.gain_sets import resolve
 from tuning.problem.objective_file import read_objective
 
@@ -653,9 +655,17 @@ def test_a_vehicle_that_is_not_there_is_told_with_where_and_what_else(tmp_path):
         ({"format": 1, "controller": {"type": "smc"}}, "a gains"),
         ({"weights": {"tracking": 1.0}}, "an objective"),
         ({"sensors": {}, "vehicle": []}, "an uncertainty"),
-        ({"name": "x", "parameters": {}, "limits": {}}, "a vehicle"),
+        *((tomllib.loads(vehicle_text(name)), "a vehicle") for name in vehicle_names()),
     ],
 )
 def test_a_file_of_another_kind_is_no_mission(tables, kind):
     with pytest.raises(ConfigError, match=f"this is {kind} file, not a mission file"):
         build_mission(tables)
+
+
+@pytest.mark.parametrize("name", [None, *mission_names()])
+def test_every_mission_is_told_from_a_file_of_gains(name):
+    text = TEMPLATE() if name is None else mission_path(name).read_text()
+    tables = tomllib.loads(text) | {"specification": {}}
+    with pytest.raises(ConfigError, match="this is a mission file, not a gains file"):
+        refuse_other_kind(tables, "gains")

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import tomli_w
 
+from jaxglider.export.plant import PlantState, drift, truth_of
 from jaxglider.files.flight.missions import mission_names, mission_path
 from jaxglider.files.mission import load_mission
 from jaxglider.guidance.phases import APOGEE, STATUSES, SURFACE
@@ -260,6 +261,31 @@ def test_a_period_of_small_steps_is_as_many_ticks_with_the_command_held(slocum):
         jax.tree.leaves((position, end)), jax.tree.leaves((place, last)), strict=True
     ):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-14)
+
+
+def test_the_exported_glider_moves_as_the_simulated_one(slocum, shallow):
+    """Its actuators too move from step to step: strokes of the pump, and glides."""
+    ticks, truth = shallow.ticks, truth_of(slocum)
+    stroke = int(np.flatnonzero(np.asarray(ticks.phase) == APOGEE)[0])
+    first = np.concatenate([np.arange(1, 6), np.arange(stroke - 2, stroke + 4)])
+    calm = zeros(BodyAxes)
+
+    def one(state, held, wanted, time):
+        return drift(slocum, truth, PlantState(state, held, time), wanted, calm)
+
+    def at(part, number):
+        return jax.tree.map(lambda x: np.asarray(x)[number], part)
+
+    after = jax.jit(jax.vmap(one))(
+        at(ticks.state, first),
+        at(ticks.applied, first - 1),
+        at(ticks.wanted, first),
+        at(ticks.time, first),
+    )
+    found = jax.tree.leaves((after.held, after.state))
+    flown = jax.tree.leaves((at(ticks.applied, first), at(ticks.state, first + 1)))
+    for a, b in zip(found, flown, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
 
 
 def test_a_pump_runs_or_stands_at_rates_of_direction_and_depth():

@@ -19,9 +19,9 @@ from jaxglider.export.c.outlined import Functions
 from jaxglider.export.c.source import Argument, Structure, write_function
 from jaxglider.signals import BodyAxes, Command, GliderState, zeros
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.motion import integrate
+from jaxglider.simulation.motion import move
 from jaxglider.simulation.tick import TickInput, TickPlan
-from jaxglider.vehicle.actuators import Actuator, follow_all
+from jaxglider.vehicle.actuators import Actuator
 from jaxglider.vehicle.plant import AbstractPlant
 
 
@@ -154,9 +154,12 @@ def drift(
     """
     clock = dataclasses.replace(loop.scenario.clock, dt=truth.dt)
     scenario = dataclasses.replace(
-        loop.scenario, plant=truth.plant, clock=clock, water=truth.water
+        loop.scenario,
+        plant=truth.plant,
+        actuators=truth.actuators,
+        clock=clock,
+        water=truth.water,
     )
-    applied = follow_all(truth.actuators, now.held, wanted, truth.dt, now.time)
     plan = TickPlan(
         time=now.time,
         force_end=force,
@@ -166,6 +169,5 @@ def drift(
         noise_end=None,
     )
     inputs = TickInput(plan, force_start=force, noise_start=None)
-    return PlantState(
-        integrate(scenario, now.state, applied, inputs), applied, now.time + truth.dt
-    )
+    applied, following = move(scenario, now.state, now.held, wanted, inputs)
+    return PlantState(following, applied, now.time + truth.dt)

@@ -3,17 +3,17 @@
 from typing import Any
 
 from jaxglider.core.toml import ConfigError
+from jaxglider.vehicle.published import VEHICLE_TABLES
 
 _SHARED = {"actuators", "disturbance", "initial_state", "vehicle"}
 _KEYS = {
     "gains": {"format", "controller", "observer", "guidance", "provenance"},
     "mission": _SHARED
     | {"name", "seed", "clock", "controller", "funnel", "observer", "reference"}
-    | {"energy", "seabed", "water"},
+    | {"energy", "seabed", "specification", "water"},
     "objective": {"weights", "aggregate"},
     "uncertainty": _SHARED | {"failure", "sensors"},
-    "vehicle": {"name", "steering", "parameters", "limits", "body"}
-    | {"fin", "pump", "energy"},
+    "vehicle": set(VEHICLE_TABLES),
 }
 """Keys at the top of each kind of file."""
 

@@ -14,10 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglider.control.controller import (
-    AbstractController,
-    tracking_error,
-)
+from jaxglider.control.controller import AbstractController, tracking_error
 from jaxglider.control.observer import AbstractObserver
 from jaxglider.core.containers import Scalar, Series
 from jaxglider.guidance.obedience import informed, obeyed
@@ -30,11 +27,7 @@ from jaxglider.signals import (
 )
 from jaxglider.simulation.flight_sums import add_to_flight, empty_flight
 from jaxglider.simulation.metrics import add_tick, empty_sums
-from jaxglider.simulation.motion import (
-    integrate,
-    integrate_moving,
-    lumped_disturbance,
-)
+from jaxglider.simulation.motion import lumped_disturbance, move
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.simulation.tick import (
     Carry,
@@ -45,7 +38,6 @@ from jaxglider.simulation.tick import (
     TickRecord,
     hold_when_finished,
 )
-from jaxglider.vehicle.actuators import follow_all
 from jaxglider.vehicle.sensors import measured, with_errors
 
 
@@ -143,7 +135,9 @@ class ClosedLoop(eqx.Module):
         decision = self._decide(carry, inputs, measurement)
         reference, wanted = decision.reference, decision.wanted
         judgement = self._judge(inputs, truth, decision)
-        applied, following = self._move(carry, inputs, wanted)
+        applied, following = moved = move(
+            self.scenario, carry.state, carry.held, wanted, inputs
+        )
         sums = add_tick(
             carry.sums,
             state=carry.state,
@@ -176,7 +170,20 @@ class ClosedLoop(eqx.Module):
         )
         if self.scenario.reference.can_finish:
             after = hold_when_finished(carry, after)
-        return after, TickRecord(
+        return after, self._record(carry, inputs, truth, decision, judgement, moved)
+
+    def _record(
+        self,
+        carry: Carry,
+        inputs: TickInput,
+        truth: Measurement,
+        decision: Decision,
+        judgement: Judgement,
+        moved: tuple[Command[Scalar], GliderState],
+    ) -> TickRecord:
+        """The record of a tick, whose end is where the glider has moved to."""
+        reference, (applied, following) = decision.reference, moved
+        return TickRecord(
             time=inputs.plan.time,
             active=~reference.finished,
             state=carry.state,
@@ -185,7 +192,7 @@ class ClosedLoop(eqx.Module):
             limits=judgement.limits,
             law_limits=self.controller.limits(decision.bounds),
             surface=decision.record.surface,
-            wanted=wanted,
+            wanted=decision.wanted,
             applied=applied,
             estimate=truth.disturbance,
             lumped=lumped_disturbance(
@@ -263,23 +270,6 @@ class ClosedLoop(eqx.Module):
         if judging is None:
             judging = specification.bounds(reference.clock)
         return Judgement(error, judging, specification.limits(judging))
-
-    def _move(
-        self, carry: Carry, inputs: TickInput, wanted: Command[Scalar]
-    ) -> tuple[Command[Scalar], GliderState]:
-        """The command that the actuators hold, and the glider one tick later."""
-        scenario = self.scenario
-        if scenario.clock.moving:
-            return integrate_moving(scenario, carry.state, carry.held, wanted, inputs)
-        applied = follow_all(
-            scenario.actuators,
-            carry.held,
-            wanted,
-            scenario.clock.dt,
-            inputs.plan.time,
-            carry.state.depth,
-        )
-        return applied, integrate(scenario, carry.state, applied, inputs)
 
     @jax.named_scope("observer")
     def _observe(

@@ -17,15 +17,11 @@ from jaxglider.core.containers import Scalar
 from jaxglider.core.numerics import square_root
 from jaxglider.guidance.phases import APOGEE, CLIMB, DIVE, INFLECTION, SURFACE
 from jaxglider.signals import Command, GliderState
-from jaxglider.simulation.flight_sums import FlightSums
+from jaxglider.simulation.flight_sums import HEADING_BAND, STEADY, STILL, FlightSums
 from jaxglider.vehicle.energy import Consumers
 
 WINDOW, SHARE, SETTLED = 60.0, 0.8, math.radians(3.0)
 """Length of the window [s], share of it, and error [rad] that tell a settled pitch."""
-STEADY = 60.0
-"""Time after an inflection from which pitch and depth rate count as steady [s]."""
-BAND = math.radians(10.0)
-"""Heading error within which a glider is on its heading [rad]."""
 
 COLUMNS = {
     "duration_s": "s",
@@ -207,7 +203,7 @@ def _measures(ticks: Any, kind: str, part: slice, count: int) -> dict[str, float
         "pitch_rad": _average(pitch[steady]),
         "pitch_deviation_rad": _deviation(pitch[steady]),
         "heading_error_rad": math.sqrt(_average(error**2)) if error.size else math.nan,
-        "on_heading": _average(np.abs(error) <= BAND),
+        "on_heading": _average(np.abs(error) <= HEADING_BAND),
         "depth_rate_m_s": _slope(time[steady], depth[steady]),
         "energy_J": _spent(ticks, ends),
         **_moves(ticks, part),
@@ -234,7 +230,7 @@ def _moves(ticks: Any, part: slice) -> dict[str, float]:
         return np.diff(column[before : part.stop])
 
     def begun(change: np.ndarray) -> float:
-        sense = np.where(np.abs(change) > 1e-9, np.sign(change), 0.0)
+        sense = np.where(np.abs(change) > STILL, np.sign(change), 0.0)
         before = np.concatenate([[0.0], sense[:-1]])
         return float(np.sum((sense != 0.0) & (sense != before)))
 

@@ -1,7 +1,7 @@
 """Running sums of a flight: energy, distance, yos, pitch, heading and moves.
 
 All is added up tick by tick, so that it costs no memory, and is differentiable where it
-is smooth: counts and times of phases are not. `dives` tells the same dive by dive.
+is smooth: counts and times of phases are not. `halves` tells the same dive by dive.
 """
 
 import math
@@ -19,7 +19,7 @@ from jaxglider.signals import Channels, Command, GliderState, Reference, map_fie
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.vehicle.energy import Consumers
 
-SETTLED = 60.0
+STEADY = 60.0
 """Time after an inflection from which pitch and depth rate count as steady [s]."""
 HEADING_BAND = math.radians(10.0)
 """Heading error within which a glider is on its heading [rad]."""
@@ -125,9 +125,9 @@ def add_to_flight(
         sums.moving,
     )
     pushing = moving.buoyancy_mass < 0.0
-    changed = (phase != sums.phase) & (orders is not None)
+    changed = phase != sums.phase
     at_surface = (phase == SURFACE) & (orders is not None)
-    arrived = changed & at_surface & (sums.climbs + sums.open > 0.0)
+    arrived = changed & at_surface
     spent = sums.energy
     if energy is not None:
         stay = at_surface, arrived
@@ -182,7 +182,7 @@ def _steady(
 ) -> dict[str, Scalar]:
     """Errors of pitch and heading, and the depth rate, where they mean something."""
     gliding = (phase == DIVE) | (phase == CLIMB)
-    steady = jnp.where(gliding & (clock > SETTLED), dt, 0.0)
+    steady = jnp.where(gliding & (clock > STEADY), dt, 0.0)
     course = jnp.where(gliding, dt, 0.0)
     near = jnp.abs(error.heading) <= HEADING_BAND
     return {

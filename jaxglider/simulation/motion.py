@@ -23,6 +23,32 @@ from jaxglider.vehicle.actuators import follow_all
 from jaxglider.vehicle.design_model import DesignModel
 
 
+def move(
+    scenario: Scenario,
+    state: GliderState,
+    held: Command[Scalar],
+    wanted: Command[Scalar],
+    inputs: TickInput,
+) -> tuple[Command[Scalar], GliderState]:
+    """Actuators and glider one tick later.
+
+    Args:
+        scenario: plant, actuators, water and clock.
+        state: state at the start of the tick.
+        held: positions of the actuators then [kg, m, rad].
+        wanted: command held over the tick [kg, m, rad].
+        inputs: start of the tick and τ_d at both its ends.
+
+    Returns:
+        Positions of the actuators at the end of the tick, and the state then.
+    """
+    if scenario.clock.moving:
+        return integrate_moving(scenario, state, held, wanted, inputs)
+    dt, time = scenario.clock.dt, inputs.plan.time
+    applied = follow_all(scenario.actuators, held, wanted, dt, time, state.depth)
+    return applied, integrate(scenario, state, applied, inputs)
+
+
 @jax.named_scope("integration")
 def integrate(
     scenario: Scenario, state: GliderState, applied: Command[Scalar], inputs: TickInput

@@ -17,7 +17,7 @@ from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.flight import close_flight
 from jaxglider.simulation.metrics import Metrics, finish
-from jaxglider.simulation.scenario import Clock
+from jaxglider.simulation.scenario import Clock, Scenario
 from jaxglider.simulation.tick import Carry, TickInput, TickPlan, TickRecord
 
 
@@ -103,13 +103,17 @@ def roll(
         again = jax.checkpoint(through, prevent_cse=False)
         (last, _), outputs = lax.scan(again, start, parts)
         outputs = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), outputs)
-    scenario = loop.scenario
+    return _finished(loop.scenario, last), outputs
+
+
+def _finished(scenario: Scenario, last: Carry) -> Metrics:
+    """Metrics of a run from what it ends with."""
     status = scenario.reference.final_status(last.status)
     metrics = finish(last.sums, last.state, last.reached, scenario.clock.dt, status)
-    if last.flight is not None:
-        flight = close_flight(last.flight, scenario.initial_state, last.state)
-        metrics = dataclasses.replace(metrics, flight=flight)
-    return metrics, outputs
+    if last.flight is None:
+        return metrics
+    flight = close_flight(last.flight, scenario.initial_state, last.state)
+    return dataclasses.replace(metrics, flight=flight)
 
 
 def sparse_checkpoints(ticks: int) -> int:

@@ -99,13 +99,27 @@ class Actuator(Container):
         target = saturate(wanted, self.limit)
         if self.failure is not None:
             target = self.failure.reached(target, time)
+        moved = self.towards(target, held, dt, depth)
+        if self.failure is not None:
+            moved = self.failure.kept(held, moved, time)
+        return moved
+
+    def towards(
+        self, target: Scalar, held: Scalar, dt: Scalar, depth: Scalar | float
+    ) -> Scalar:
+        """The position one tick later of an actuator that has not failed.
+
+        Args:
+            target: position within its limit that it makes for [kg, m or rad].
+            held: position now [kg, m or rad].
+            dt: tick [s].
+            depth: depth of the glider [m]; only a pump asks for it.
+        """
         if self.time_constant is not None:
             target = held - jnp.expm1(-dt / self.time_constant) * (target - held)
         if self.rate_limit is not None:
             reach = self.rate_limit * dt
             target = jnp.clip(target, held - reach, held + reach)
-        if self.failure is not None:
-            target = self.failure.kept(held, target, time)
         return target
 
 

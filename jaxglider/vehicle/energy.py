@@ -22,7 +22,6 @@ from jaxglider.core.containers import (
     as_float,
     check_interval,
 )
-from jaxglider.core.numerics import saturate
 from jaxglider.signals import Command
 from jaxglider.vehicle.actuators import Actuator
 
@@ -54,26 +53,15 @@ class Pump(Actuator):
             check_interval("Pump", name, getattr(self, name), low=0.0)
         check_interval("Pump", "dead_band", self.dead_band, 0.0, closed_low=True)
 
-    def follow(
-        self,
-        held: Scalar,
-        wanted: Scalar,
-        dt: Scalar,
-        time: Scalar | float = 0.0,
-        depth: Scalar | float = 0.0,
+    def towards(
+        self, target: Scalar, held: Scalar, dt: Scalar, depth: Scalar | float
     ) -> Scalar:
-        """The ballast one tick later, towards the command at the rate of the depth."""
-        target = saturate(wanted, self.limit)
-        if self.failure is not None:
-            target = self.failure.reached(target, time)
+        """The ballast one tick later, at the rate of the depth."""
         push = self.push_rate
         if self.boost_rate is not None:
             push = jnp.where(depth < self.boost_above, self.boost_rate, push)
         moved = jnp.clip(target, held - push * dt, held + self.draw_rate * dt)
-        moved = jnp.where(jnp.abs(target - held) <= self.dead_band, held, moved)
-        if self.failure is not None:
-            moved = self.failure.kept(held, moved, time)
-        return moved
+        return jnp.where(jnp.abs(target - held) <= self.dead_band, held, moved)
 
 
 class PumpPower(Container):

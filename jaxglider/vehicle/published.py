@@ -18,10 +18,11 @@ from jaxglider.vehicle.parameters import (
     VehicleData,
 )
 
-_TABLES = (
+VEHICLE_TABLES = (
     *("name", "steering", "parameters", "limits", "rates", "body"),
     *("fin", "pump", "energy"),
 )
+"""Keys at the top of a vehicle's file."""
 
 
 def vehicle_names() -> list[str]:
@@ -68,7 +69,8 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
         if optional not in data:
             del tables[optional]
     try:
-        refuse_unknown([k for k in data if k not in _TABLES], list(_TABLES), "")
+        others = [key for key in data if key not in VEHICLE_TABLES]
+        refuse_unknown(others, list(VEHICLE_TABLES), "")
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from error
     name = data.get("name", str(source))
@@ -77,8 +79,8 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
     values = {key: _values(data, key, kind, source) for key, kind in tables.items()}
     steering = _steering(data, source)
     extra = {
-        key: _values(data, key, kind, source, needed)
-        for key, (kind, needed) in _OPTIONAL.items()
+        key: _values(data, key, tuple(_OWN_UNITS[key]), source, needed)
+        for key, needed in _NEEDED.items()
         if key in data
     }
     deviations = _deviations(data, tables, source)
@@ -146,17 +148,15 @@ def _steering(data: dict[str, Any], source: str | Path) -> str:
     return str(word)
 
 
-_PUMP = ("push_rate", "draw_rate", "boost_rate", "boost_above", "dead_band")
 _POWER = ("pump_power", "pump_power_slope", "pump_rate")
 _BOOST = ("boost_power", "boost_power_slope", "boost_rate")
 _REST = ("boost_above", "per_shift", "per_turn", "hotel", "surface", "call", "battery")
-_OPTIONAL: dict[str, tuple[Any, tuple[str, ...]]] = {
-    # table: its keys, and those it must have
-    "fin": (Fin, ("side_force", "yaw_moment", "speed")),
-    "pump": (_PUMP, ("push_rate", "draw_rate")),
-    "energy": ((*_POWER, *_BOOST, *_REST), ()),
+_NEEDED: dict[str, tuple[str, ...]] = {
+    "fin": ("side_force", "yaw_moment", "speed"),
+    "pump": ("push_rate", "draw_rate"),
+    "energy": (),
 }
-"""Tables that a vehicle may have."""
+"""Tables that a vehicle may have, and the keys that each must have."""
 _OWN_UNITS = {
     "fin": dict(side_force="kg/m/rad", yaw_moment="kg/rad", speed="m/s"),
     "pump": {
@@ -172,7 +172,7 @@ _OWN_UNITS = {
         **{"call": "J", "battery": "J"},
     },
 }
-"""Units of their keys."""
+"""Their keys, and the units of these."""
 
 
 def _energy(values: dict[str, float]) -> EnergyModel:
