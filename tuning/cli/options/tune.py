@@ -5,17 +5,15 @@ from pathlib import Path
 from typing import Any
 
 from tuning.cli.options.arguments import (
-    CONTROLLERS,
     HELD_BY_DEFAULT,
     HELD_ON_REQUEST,
-    OWN_LAW,
     add_case,
     add_common,
+    add_controller,
     add_output,
     at_least_four,
     below_one,
     count,
-    law,
     not_negative,
     positive,
     seed,
@@ -130,13 +128,7 @@ def add_check(commands: Any) -> None:
 
 def _add_task(parser: argparse.ArgumentParser) -> None:
     add_case(parser)
-    parser.add_argument(
-        "--controller",
-        type=law,
-        metavar="NAME",
-        help=f"{', '.join(CONTROLLERS)}, or {OWN_LAW}; default: fxtppc-roll, on the "
-        "printed plant fxtppc, or what --gains or --config has",
-    )
+    add_controller(parser)
     parser.add_argument(
         "--gains",
         metavar="FILE",

@@ -3,12 +3,10 @@
 from typing import Any
 
 from tuning.cli.options.arguments import (
-    CONTROLLERS,
-    OWN_LAW,
     add_case,
     add_common,
+    add_controller,
     count,
-    law,
     seed,
     uncertainty,
     whole,
@@ -20,13 +18,7 @@ def add_worst(commands: Any) -> None:
     text = "search what is uncertain for the member that violates most"
     parser = commands.add_parser("worst", help=text, description=text + ".")
     add_case(parser)
-    parser.add_argument(
-        "--controller",
-        type=law,
-        metavar="NAME",
-        help=f"{', '.join(CONTROLLERS)}, or {OWN_LAW}; default: fxtppc-roll, on the "
-        "printed plant fxtppc, or what --gains or --config has",
-    )
+    add_controller(parser)
     parser.add_argument(
         "--gains",
         metavar="FILE",
