@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import jax
@@ -75,7 +76,9 @@ def test_depth_rate_alone_fits_and_warns_that_speed_is_untested(steady):
 
 def test_speed_shows_the_tilt_of_the_pitch_sensor(driven):
     # Merckelbach found 0.86 for this glider, by other means.
-    assert driven["pitch_scale"].value == pytest.approx(0.88, abs=0.035)
+    scale = driven["pitch_scale"]
+    assert abs(scale.value - 0.86) < 2.0 * scale.deviation
+    assert scale.value == pytest.approx(0.902, abs=0.005)
     scores = driven.verdict.scores
     # 0.42 cm/s on the full record (benchmarks/bench_fit.py); this table has a quarter.
     assert middle_error(driven) < 0.0045
@@ -88,6 +91,10 @@ def test_the_fit_says_what_it_does_not_know(driven):
     assert not driven["lift_slope"].identified
     told = " ".join(driven.remarks)
     assert "lift_slope is not identifiable from this record" in told
+    # No record makes an interval wider than its prior.
+    shares = [int(x) for x in re.findall(r"interval is (\d+)% of the prior's", told)]
+    assert shares
+    assert max(shares) <= 100
     assert "HEADING IS NOT TO BE TUNED" in told
     assert "speed: that of dive 18 (0.20 m/s) is far from that of all others" in told
     assert "pitch_offset and mass are told together only" in told

@@ -68,8 +68,7 @@ def test_a_short_stable_run_is_reproducible_and_figures_are_those_of_its_ticks(
     loop = paper.make_loop("switching", "printed", "smc", duration=3.0)
     ensemble = EnsembleSpec(0.2, training=2, validation=2, test=3)
     problem = TuningProblem.of(ProblemSpec.of_loop(loop, ensemble=ensemble))
-    judge = Judge(problem)
-    found = judge_robustness(problem, judge, problem.loop)
+    found = judge_robustness(Judge(problem), problem.loop)
     assert list(found.ticks) == ["0.025", "0.05", "0.1"]
     assert found.remarks() == []
     assert len(STARTS) == 4

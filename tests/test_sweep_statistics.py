@@ -8,12 +8,8 @@ from scipy import stats
 
 from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.rank_correlations import rank_correlations
-from tuning.campaign.analysis.summary import (
-    LINES,
-    CampaignSummary,
-    ControllerSummary,
-    text_summary,
-)
+from tuning.campaign.analysis.summary import CampaignSummary, ControllerSummary
+from tuning.campaign.report.text import LINES, text_summary
 from tuning.reporting.statistics import (
     clopper_pearson,
     cvar,

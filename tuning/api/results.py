@@ -16,9 +16,10 @@ from jaxglider.files.writing import provenance, write_json, write_text
 from jaxglider.plotting.style import PAGE, look, new_figure
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory, simulate
-from tuning.campaign.analysis.summary import CampaignSummary, text_summary
+from tuning.campaign.analysis.summary import CampaignSummary
 from tuning.campaign.report import figures
 from tuning.campaign.report.conclude import write_conclusions
+from tuning.campaign.report.text import text_summary
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.rows import Rows, columns_of
 from tuning.campaign.run.store import Manifest, opened, prepare

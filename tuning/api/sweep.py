@@ -1,5 +1,6 @@
 """Monte Carlo campaigns from Python: closed loops in, probabilities out."""
 
+import argparse
 import dataclasses
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -85,11 +86,9 @@ def sweep(
     real("confidence", confidence, 0.0, 1.0, "a number in (0, 1)")
     if until_ci is not None:
         real("until_ci", until_ci, 0.0, 1.0, "a number in (0, 1) or None")
-    rules = [_requirement(text) for text in texts("require", require)]
+    asked = texts("require", require)
     campaign = _campaign(named, uncertainty, members, seed, design, until_ci, title)
-    for rule in rules:
-        rule.check(campaign.labels, measures_of(flight=campaign.has_flight))
-    conclusions = Conclusions(confidence, rules, sensitivity)
+    conclusions = Conclusions(confidence, _rules(asked, campaign), sensitivity)
     shown: Progress = BarProgress() if progress else SilentProgress()
     if resume and out is None:
         raise ValueError("resume goes with out, the folder of the campaign.")
@@ -207,16 +206,19 @@ def _gain_set(name: str, loop: ClosedLoop) -> GainSet:
         return GainSet(name, "Python", {})
 
 
-def _requirement(text: str) -> Requirement:
-    """A requirement.
+def _rules(asked: Sequence[str], campaign: Campaign) -> list[Requirement]:
+    """Requirements, read and found to be of this campaign.
 
     Raises:
-        ValueError: it cannot be read.
+        ValueError: one cannot be read, or asks for what the campaign does not have.
     """
     try:
-        return requirement(text)
-    except Exception as error:
+        rules = [requirement(text) for text in asked]
+    except argparse.ArgumentTypeError as error:
         raise ValueError(f"require: {error}") from error
+    for rule in rules:
+        rule.check(campaign.labels, measures_of(flight=campaign.has_flight))
+    return rules
 
 
 def _check_same_scenario(

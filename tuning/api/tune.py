@@ -159,14 +159,7 @@ def solve(
     """
     begun = time.monotonic()
     progress = progress or SilentProgress()
-    checkpoint = None
-    if out is not None:
-        digest = fingerprint([spec, settings, method])
-        checkpoint = Checkpoint(Path(out) / "checkpoint.npz", digest)
-    if resume:
-        if checkpoint is None:
-            raise ValueError("resume goes with out, the folder of the checkpoint.")
-        checkpoint.about()
+    checkpoint = _checkpoint(out, [spec, settings, method], resume)
     progress.show("compiling the rollout ...")
     problem = TuningProblem.of(spec)
     progress.clear()
@@ -202,20 +195,14 @@ def solve(
     robust = None
     if check:
         progress.show("judging at other ticks and from other roundings ...")
-        robust = judge_robustness(problem, judge, tuned)
+        robust = judge_robustness(judge, tuned)
+    remarks = [
+        *([] if gradient is None else [gradient.text()]),
+        *(_stability(tuned, progress) if check else []),
+        *([] if robust is None else robust.remarks()),
+    ]
     progress.clear()
-    remarks = list(outcome.remarks)
-    if gradient is not None:
-        remarks.append(gradient.text())
-        note(gradient.text())
-    glides = glides_of(tuned) if check else ()
-    if glides:
-        progress.show("looking whether the loop is stable on its glides ...")
-        remarks.append(statement(loop_modes(tuned, glides)))
-        progress.clear()
-        note(remarks[-1])
-    for text in robust.remarks() if robust else ():
-        remarks.append(text)
+    for text in remarks:
         note(text)
     return TuneResult(
         problem=problem,
@@ -223,9 +210,36 @@ def solve(
         verdict=verdict,
         history=outcome.history,
         method="gradient" if method is None else method.method,
-        notes=(*problem.space.notes, *remarks),
+        notes=(*problem.space.notes, *outcome.remarks, *remarks),
         gradient=gradient,
         robustness=robust,
         interrupted=outcome.interrupted,
         seconds=time.monotonic() - begun,
     )
+
+
+def _checkpoint(
+    out: str | Path | None, about: list[Any], resume: bool
+) -> Checkpoint | None:
+    """The checkpoint in a folder, looked at where a search goes on from it.
+
+    Raises:
+        ValueError: there is none of this problem to go on from.
+    """
+    if out is None:
+        if resume:
+            raise ValueError("resume goes with out, the folder of the checkpoint.")
+        return None
+    checkpoint = Checkpoint(Path(out) / "checkpoint.npz", fingerprint(about))
+    if resume:
+        checkpoint.about()
+    return checkpoint
+
+
+def _stability(loop: ClosedLoop, progress: Progress) -> list[str]:
+    """Whether a loop is stable on its glides, in words; nothing where it has none."""
+    glides = glides_of(loop)
+    if not glides:
+        return []
+    progress.show("looking whether the loop is stable on its glides ...")
+    return [statement(loop_modes(loop, glides))]

@@ -20,7 +20,7 @@ from tuning.problem.arguments import closed_loop, half_width, whole
 from tuning.problem.case import FlightCase
 from tuning.problem.members import SWEEP, keys_of, nominal_member
 from tuning.problem.spec import DEFAULT_UNCERTAINTY, EnsembleSpec
-from tuning.reporting.statistics import clopper_pearson
+from tuning.reporting.statistics import clopper_pearson, plain
 from tuning.search.worst import STARTS, WorstCase, find_worst
 
 _EDGE = 1e-3
@@ -80,15 +80,15 @@ class WorstResult:
         if self.random_members:
             ends = list(clopper_pearson(self.missed, self.random_members))
         return {
-            "severity": _plain(self.case.severity),
+            "severity": plain(self.case.severity),
             "found_by": self.case.found_by,
             "rollouts": self.case.rollouts,
-            "best": {name: _plain(x) for name, x in self.case.best.items()},
+            "best": {name: plain(x) for name, x in self.case.best.items()},
             "place": self.case.place.tolist(),
             "values": self.values,
             "random": {
                 "members": self.random_members,
-                "worst": _plain(self.random_worst),
+                "worst": plain(self.random_worst),
                 "less_severe": self.missed,
                 "interval": ends,
             },
@@ -257,7 +257,3 @@ def severity(metrics: Metrics, loop: ClosedLoop) -> Scalar:
         parts.append(metrics.max_roll / specification.largest_roll)
     worst_part = jnp.max(jnp.stack(parts))
     return jnp.where(metrics.finite, worst_part, jnp.inf)
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

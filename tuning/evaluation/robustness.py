@@ -16,7 +16,6 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.scenario import Clock
 from tuning.evaluation.held_out import Judge
-from tuning.problem.problem import TuningProblem
 
 APART = 1e-10
 """Distance between starts that count as the same [m]."""
@@ -25,7 +24,7 @@ STARTS = (-2.0, -1.0, 1.0, 2.0)
 SPREAD = 0.05
 """Share of a figure that may depend on roundings; from more on it is their work."""
 TICK_SPREAD = 0.5
-"""Share of a figure that may depend on roundings; what depends more is theirs."""
+"""Share of a figure that may depend on the tick; from more on it is its work."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,13 +77,10 @@ class Robustness:
 _WORDS = {"nominal": "nominal case", "held_out": "mean of the held-out members"}
 
 
-def judge_robustness(
-    problem: TuningProblem, judge: Judge, loop: ClosedLoop
-) -> Robustness:
+def judge_robustness(judge: Judge, loop: ClosedLoop) -> Robustness:
     """Judge a loop from other starts, and at half and twice its tick.
 
     Args:
-        problem: problem whose members are flown.
         judge: judge of the problem, whose compiled runs serve for the starts.
         loop: closed loop with the gains.
     """
@@ -93,8 +89,7 @@ def judge_robustness(
     dt = float(loop.scenario.clock.dt)
     ticks = {f"{dt:g}": here}
     for factor in (0.5, 2.0):
-        sampled = Judge(problem).metrics(with_tick(loop, factor))
-        ticks[f"{factor * dt:g}"] = _figures(sampled)
+        ticks[f"{factor * dt:g}"] = _figures(judge.metrics(with_tick(loop, factor)))
     return robustness(starts, dict(sorted(ticks.items(), key=lambda x: float(x[0]))))
 
 

@@ -125,7 +125,7 @@ def _identified(fit: Fit) -> list[str]:
         if not one.identified:
             told.append(
                 f"{one.name} is not identifiable from this record: its interval is "
-                f"{one.deviation / one.prior:.0%} of the prior's. It stays near where "
+                f"{np.sqrt(1.0 - one.learned):.0%} of the prior's. It stays near where "
                 "it was, by the prior."
             )
     pairs = strongest_pairs(

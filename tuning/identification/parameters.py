@@ -8,6 +8,7 @@ prior is one row of the least squares, and no step leaves what a vehicle may be.
 import dataclasses
 import fnmatch
 from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -48,6 +49,20 @@ FIXED = ("gravity", "moving_mass", "moving_ahead")
 """Numbers that no fit frees: known, or the same as others that are freed."""
 
 
+def value_at(start: Any, prior: Any, x: Any, *, signed: bool) -> jax.Array:
+    """p from its coordinate x; start and prior may be traced.
+
+    Args:
+        start: p₀.
+        prior: s, standard deviation of the prior in the unit of p.
+        x: coordinate.
+        signed: whether the sign of the start is kept.
+    """
+    if signed:
+        return start * jnp.exp(prior / jnp.abs(start) * x)
+    return jnp.asarray(start + prior * x)
+
+
 @dataclasses.dataclass(frozen=True)
 class FreeParameter:
     """A number that a fit may change.
@@ -70,9 +85,7 @@ class FreeParameter:
 
     def value(self, x: jax.Array | float) -> jax.Array:
         """p from its coordinate."""
-        if self.signed:
-            return self.start * jnp.exp(self.prior / abs(self.start) * x)
-        return jnp.asarray(self.start + self.prior * x)
+        return value_at(self.start, self.prior, x, signed=self.signed)
 
     def slope(self, x: float) -> float:
         """Derivative dp/dx at a coordinate."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from tuning.identification.glider import IdentifiedGlider, with_values
 from tuning.identification.least_squares import Rows
-from tuning.identification.parameters import FreeParameter
+from tuning.identification.parameters import FreeParameter, value_at
 from tuning.identification.predict import predict
 from tuning.identification.record.slopes import slope
 from tuning.identification.record.uniform import Flight
@@ -126,7 +126,13 @@ def _linearise(
     kind: str,
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
     def values(at: jax.Array) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
-        moved = _placed(glider, starts, priors, look, at)
+        moved = with_values(
+            glider,
+            {
+                name: value_at(starts[k], priors[k], at[k], signed=signed)
+                for k, (name, signed) in enumerate(look)
+            },
+        )
         every = predict(kind, moved, windows)
         chosen = {
             group: every[group.removesuffix(TURNING)].ravel()[places]
@@ -136,22 +142,6 @@ def _linearise(
 
     slopes, chosen = jax.jacfwd(values, has_aux=True)(x)
     return chosen, slopes
-
-
-def _placed(
-    glider: IdentifiedGlider,
-    starts: jax.Array,
-    priors: jax.Array,
-    look: tuple[tuple[str, bool], ...],
-    x: jax.Array,
-) -> IdentifiedGlider:
-    values = {}
-    for k, (name, signed) in enumerate(look):
-        if signed:
-            values[name] = starts[k] * jnp.exp(priors[k] / jnp.abs(starts[k]) * x[k])
-        else:
-            values[name] = starts[k] + priors[k] * x[k]
-    return with_values(glider, values)
 
 
 @eqx.filter_jit

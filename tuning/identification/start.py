@@ -55,11 +55,7 @@ def starting_glider(
         volume = displaced / float(np.mean(flight.density[good]))
     record = RecordParameters(compressibility=COMPRESSIBILITY)
     glider = IdentifiedGlider(vehicle.parameters, body, record, volume)
-    temperature = np.where(
-        np.isfinite(flight.temperature), flight.temperature, TEMPERATURE
-    )
-    water = -glider.excess(flight.pressure, flight.density, temperature)
-    afloat = water + flight.density * flight.ballast
+    afloat = flight.density * flight.ballast - _excess(glider, flight)
     down = good & (flight.depth_rate > 0.03)
     up = good & (flight.depth_rate < -0.03)
     neutral = 0.5 * (np.median(afloat[down]) + np.median(afloat[up]))
@@ -68,6 +64,13 @@ def starting_glider(
         offset = balanced_offset(glider, flight)
         glider = with_values(glider, {"position_offset": offset})
     return glider
+
+
+def _excess(glider: IdentifiedGlider, flight: Flight) -> np.ndarray:
+    """Mass by which the glider is heavier than the record's water, ballast out [kg]."""
+    measured = np.isfinite(flight.temperature)
+    temperature = np.where(measured, flight.temperature, TEMPERATURE)
+    return np.asarray(glider.excess(flight.pressure, flight.density, temperature))
 
 
 def balanced_offset(glider: IdentifiedGlider, flight: Flight) -> float:
@@ -83,13 +86,10 @@ def balanced_offset(glider: IdentifiedGlider, flight: Flight) -> float:
         flight: record with positions of the moving mass.
     """
     at = flight.steady & np.isfinite(flight.mass_position)
-    temperature = np.where(
-        np.isfinite(flight.temperature), flight.temperature, TEMPERATURE
-    )
     pumped = flight.density * flight.ballast
-    excess = glider.excess(flight.pressure, flight.density, temperature)
+    excess = _excess(glider, flight)
     pitch = np.asarray(glider.true_pitch(flight.pitch))
-    moved = _needed(glider, pitch[at], np.asarray(excess)[at] - pumped[at], pumped[at])
+    moved = _needed(glider, pitch[at], excess[at] - pumped[at], pumped[at])
     return float(np.median(flight.mass_position[at] - np.asarray(moved)))
 
 

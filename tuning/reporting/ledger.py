@@ -21,7 +21,7 @@ import numpy as np
 
 from jaxglider.control import SMC
 from jaxglider.control.observer import FixedTimeObserver
-from jaxglider.signals import CHANNELS
+from jaxglider.signals import CHANNELS, map_fields
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from tuning.reporting.statistics import LEVEL, probability
@@ -164,7 +164,7 @@ def _of_the_funnel(loop: ClosedLoop, witness: Witness) -> dict[str, Any]:
     funnel = loop.controller.funnel
     if funnel is None or isinstance(loop.controller, SMC):
         return {}
-    tails = _stacked(jax.tree.map(float, _tails(funnel)))[:, None]
+    tails = _stacked(map_fields(lambda t: t.tail, funnel.transformation))[:, None]
     restart, nearness = _stacked(witness.at_restart), _stacked(witness.nearness)
     return {
         "inside-at-restart": (
@@ -176,11 +176,6 @@ def _of_the_funnel(loop: ClosedLoop, witness: Witness) -> dict[str, Any]:
             _largest("worst", CHANNELS, nearness),
         ),
     }
-
-
-def _tails(funnel: Any) -> Any:
-    transformation = funnel.transformation
-    return type(transformation)(*(t.tail for t in vars(transformation).values()))
 
 
 def _of_the_observer(loop: ClosedLoop, witness: Witness) -> dict[str, Any]:
@@ -237,9 +232,7 @@ def _smoothed(metrics: Metrics, smoother: Metrics) -> tuple[np.ndarray, dict[str
 
 def _largest(word: str, names: Any, values: np.ndarray) -> dict[str, float]:
     """The largest of all members of each row, by name."""
-    with np.errstate(invalid="ignore"):
-        known = [row[~np.isnan(row)] for row in values]
-        return {
-            f"{word}_{name}": float(row.max(initial=0.0))
-            for name, row in zip(names, known, strict=True)
-        }
+    return {
+        f"{word}_{name}": float(row[~np.isnan(row)].max(initial=0.0))
+        for name, row in zip(names, values, strict=True)
+    }

@@ -116,46 +116,10 @@ class Below:
 
 
 @dataclasses.dataclass(frozen=True)
-class Between:
-    """x = low + (edge − low) (m + (1 − 2m) / (1 + exp(−z))), of either sign.
-
-    Attributes:
-        low: lower end; the edge is the upper one.
-    """
-
-    low: float
-
-    def stretch(self, bent: Series) -> Series:
-        """The part that does not need the edge."""
-        return jax.nn.sigmoid(bent)
-
-    def place(self, grown: Scalar, edge: Any) -> Scalar:
-        """The gain, from `stretch` and the edge."""
-        share = MARGIN + (1.0 - 2.0 * MARGIN) * grown
-        return self.low + (edge - self.low) * share
-
-    def inverse(self, gain: Number, edge: Any) -> Number:
-        """The bent free number of a gain; not to be traced."""
-        width = (edge - self.low) * (1.0 - 2.0 * MARGIN)
-        share = (gain - self.low - MARGIN * (edge - self.low)) / width
-        return np.log(share) - np.log1p(-share)
-
-    def has_room_for(self, gain: float, edge: Any) -> bool:
-        """Whether a gain is clear of both ends."""
-        room = 2.0 * MARGIN * (edge - self.low)
-        return self.low + room <= gain <= edge - room
-
-    def inside(self, gain: float, edge: Any, step: float) -> float:
-        """The nearest gain that is clear of its end by a share of the interval."""
-        room = step * (edge - self.low)
-        return min(max(gain, self.low + room), edge - room)
-
-
-@dataclasses.dataclass(frozen=True)
 class Within:
-    """x = low + (high − low) (m + (1 − 2m) / (1 + exp(−z))); both ends are the edge.
+    """x = low + (high − low) (m + (1 − 2m) / (1 + exp(−z))), of either sign.
 
-    Either end may depend on other gains.
+    Both ends are the edge, and either may depend on other gains.
     """
 
     def stretch(self, bent: Series) -> Series:
@@ -169,15 +133,22 @@ class Within:
 
     def inverse(self, gain: Number, edge: Any) -> Number:
         """The bent free number of a gain; not to be traced."""
-        return Between(edge[0]).inverse(gain, edge[1])
+        low, high = edge
+        width = (high - low) * (1.0 - 2.0 * MARGIN)
+        share = (gain - low - MARGIN * (high - low)) / width
+        return np.log(share) - np.log1p(-share)
 
     def has_room_for(self, gain: float, edge: Any) -> bool:
         """Whether a gain is clear of both edges."""
-        return Between(edge[0]).has_room_for(gain, edge[1])
+        low, high = edge
+        room = 2.0 * MARGIN * (high - low)
+        return bool(low + room <= gain <= high - room)
 
     def inside(self, gain: float, edge: Any, step: float) -> float:
         """The nearest gain that is clear of both edges by a share of the interval."""
-        return Between(edge[0]).inside(gain, edge[1], step)
+        low, high = edge
+        room = step * (high - low)
+        return float(min(max(gain, low + room), high - room))
 
 
-Bijection = Positive | Above | Below | Between | Within
+Bijection = Positive | Above | Below | Within

@@ -14,9 +14,9 @@ from tuning.space.bijections import (
     MARGIN,
     Above,
     Below,
-    Between,
     Bijection,
     Positive,
+    Within,
 )
 
 
@@ -106,8 +106,9 @@ def of_interval(numbers: Interval) -> tuple[Bijection, Edge]:
             f"a tuned number must have two ends or start from zero or above; its set "
             f"is {rule}. Give its Interval both ends, or tune it not."
         )
-    bijection = Below() if low == 0.0 else Between(low)
-    return bijection, Edge(lambda *_: high, rule, holds)
+    if low == 0.0:
+        return Below(), Edge(lambda *_: high, rule, holds)
+    return Within(), Edge(lambda *_: (low, high), rule, holds)
 
 
 def observer_integral(rate_bound: float) -> Edge:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.simulation.closed_loop import ClosedLoop
-from tuning.space.bijections import Above, Between, Positive, Within
+from tuning.space.bijections import Above, Positive, Within
 from tuning.space.coordinate import Coordinate
 from tuning.space.coordinates import Pair, leaves
 
@@ -41,7 +41,7 @@ def start_inside(
             if words:
                 moved.setdefault(words, []).append(c.path)
     for c in coordinates:
-        if isinstance(c.bijection, Between | Within):
+        if isinstance(c.bijection, Within):
             continue
         if not _SMALLEST < start[c.path] < _LARGEST:
             raise ValueError(
@@ -101,7 +101,7 @@ def left_broken(
 
 def _move(c: Coordinate, start: dict[str, float], free: Collection[str]) -> str:
     """Move a number that is outside its set to inside; what was done, in words."""
-    signed = isinstance(c.bijection, Between | Within)
+    signed = isinstance(c.bijection, Within)
     if isinstance(c.bijection, Positive) or not (signed or start[c.path] > 0.0):
         return ""
     old, edge = start[c.path], edge_at(c, start)
@@ -112,7 +112,7 @@ def _move(c: Coordinate, start: dict[str, float], free: Collection[str]) -> str:
         )
     if c.bijection.has_room_for(old, edge):
         return ""
-    if c.edge.moved or (isinstance(c.bijection, Within) and c.partners):
+    if c.edge.moved or (signed and c.partners):
         start[c.path] = c.bijection.inside(old, edge, _INSIDE)
         plain = f"{{paths}} (set: {c.edge.rule}): the search starts from just inside."
         return c.edge.moved or plain

@@ -121,8 +121,8 @@ class FunnelBox:
         return float(falling_part(self._form, jnp.asarray(at)))
 
     def _has_room(self, box: FunnelBounds) -> bool:
-        bound = box.final_bound if self._tuned("final_bound") else None
-        bound = self._value("final_bound") if bound is None else bound
+        tuned = self._tuned("final_bound")
+        bound = box.final_bound if tuned else self._value("final_bound")
         start = self._largest_fall(box) + 0.98 * bound
         return self._jump < 0.98 * self._widest() * start
 

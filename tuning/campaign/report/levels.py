@@ -10,12 +10,9 @@ from jaxglider.plotting.save import save
 from jaxglider.plotting.style import COLUMN, look, new_figure
 from tuning.campaign.analysis.bisection import Threshold
 from tuning.campaign.analysis.rank_correlations import SEVERITY
-from tuning.campaign.analysis.summary import (
-    CampaignSummary,
-    ControllerSummary,
-    in_interval,
-)
+from tuning.campaign.analysis.summary import CampaignSummary, ControllerSummary
 from tuning.campaign.report import figures
+from tuning.campaign.report.text import in_interval
 from tuning.reporting.output_folder import LOCK
 from tuning.reporting.tables import markdown_table
 

@@ -17,17 +17,11 @@ from jaxglider.plotting.style import (
 from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.rank_correlations import SEVERITY
 from tuning.campaign.analysis.ribbons import ribbons
-from tuning.campaign.analysis.summary import (
-    LINES,
-    CampaignSummary,
-    brackets,
-    in_interval,
-    severity,
-    short,
-)
+from tuning.campaign.analysis.summary import CampaignSummary, severity
 from tuning.campaign.report import figures
 from tuning.campaign.report.sensitivity_section import blamed, sobol_figure
 from tuning.campaign.report.specified_section import specified_section
+from tuning.campaign.report.text import LINES, brackets, in_interval, short
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.rows import Rows, unit
 from tuning.reporting.tables import markdown_table

@@ -7,8 +7,9 @@ from matplotlib.figure import Figure
 
 from jaxglider.plotting.style import PAGE, distinct_styles, legend_above, new_figure
 from tuning.campaign.analysis.rank_correlations import LEFT, SEVERITY
-from tuning.campaign.analysis.summary import CampaignSummary, brackets, short
+from tuning.campaign.analysis.summary import CampaignSummary
 from tuning.campaign.report import figures
+from tuning.campaign.report.text import brackets, short
 from tuning.reporting.tables import markdown_table
 
 _TOP = 8

@@ -1,6 +1,7 @@
 """The section of a campaign's report on specification and assumptions."""
 
-from tuning.campaign.analysis.summary import CampaignSummary, in_interval
+from tuning.campaign.analysis.summary import CampaignSummary
+from tuning.campaign.report.text import in_interval
 from tuning.reporting.ledger import TITLES
 from tuning.reporting.tables import markdown_table
 

@@ -4,8 +4,9 @@ import argparse
 import sys
 
 from jaxglider.files.writing import provenance
-from tuning.campaign.analysis.summary import measures_of, text_summary
+from tuning.campaign.analysis.summary import measures_of
 from tuning.campaign.report.conclude import conclude, exit_code, write_conclusions
+from tuning.campaign.report.text import text_summary
 from tuning.campaign.run.campaign import build
 from tuning.campaign.run.shards import join, read_shards
 from tuning.campaign.run.store import (

@@ -13,13 +13,10 @@ from jaxglider.files.writing import provenance
 from tuning.api.worst import worst as find_worst_member
 from tuning.campaign.analysis.bisection import find_threshold
 from tuning.campaign.analysis.requirements import SPECIFICATION
-from tuning.campaign.analysis.summary import (
-    CampaignSummary,
-    measures_of,
-    text_summary,
-)
+from tuning.campaign.analysis.summary import CampaignSummary, measures_of
 from tuning.campaign.execute import Execution, execute, execute_on_hosts
 from tuning.campaign.report.levels import folder_names, named, write_levels
+from tuning.campaign.report.text import text_summary
 from tuning.campaign.run.campaign import Campaign, build
 from tuning.cli.session.from_options import (
     campaign_settings,

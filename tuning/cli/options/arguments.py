@@ -219,6 +219,17 @@ def add_case(parser: argparse.ArgumentParser) -> None:
     add_dt(parser)
 
 
+def add_controller(parser: argparse.ArgumentParser) -> None:
+    """The control law of one closed loop."""
+    parser.add_argument(
+        "--controller",
+        type=law,
+        metavar="NAME",
+        help=f"{', '.join(CONTROLLERS)}, or {OWN_LAW}; default: fxtppc-roll, on the "
+        "printed plant fxtppc, or what --gains or --config has",
+    )
+
+
 def add_common(parser: argparse.ArgumentParser, out: str) -> None:
     """Options of the results: folder, precision, and form of printing."""
     add_output(parser)

@@ -4,6 +4,8 @@ Nothing is changed silently: every step leaves a finding. Values are dropped, ne
 replaced by a guess. Units and signs are checked and complained of, never converted.
 """
 
+import dataclasses
+
 import numpy as np
 
 from tuning.identification.record.flight_record import (
@@ -56,13 +58,7 @@ def clean(record: FlightRecord) -> FlightRecord:
             f"{', '.join(record.channels) or 'none'}. Give the files of a flight."
         )
     findings += _gaps(channels)
-    cleaned = FlightRecord(
-        record.name,
-        record.kind,
-        channels,
-        (*record.findings, *findings),
-        record.digest,
-    )
+    cleaned = dataclasses.replace(record, channels=channels).with_findings(findings)
     return cleaned.with_findings(sign_findings(cleaned))
 
 
@@ -214,6 +210,4 @@ def flipped(record: FlightRecord, names: tuple[str, ...]) -> FlightRecord:
         for f in record.findings
         if not ("other sign" in f.text and f.channel in names)
     ]
-    return FlightRecord(
-        record.name, record.kind, channels, (*kept, *told), record.digest
-    )
+    return dataclasses.replace(record, channels=channels, findings=(*kept, *told))

@@ -9,7 +9,7 @@ forward, depth positive down.
 """
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -74,6 +74,18 @@ class Series:
     def interval(self) -> float:
         """Median time between samples [s]; infinite for fewer than two."""
         return float(np.median(np.diff(self.time))) if len(self) > 1 else float("inf")
+
+
+def joined(parts: Sequence[Series]) -> Series:
+    """Series of one channel, one behind the other.
+
+    Args:
+        parts: series, at least one.
+    """
+    return Series(
+        np.concatenate([s.time for s in parts]),
+        np.concatenate([s.values for s in parts]),
+    )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -13,7 +13,12 @@ from typing import Any
 import numpy as np
 
 from tuning.identification.record.columns import Column, wrapped
-from tuning.identification.record.flight_record import Finding, FlightRecord, Series
+from tuning.identification.record.flight_record import (
+    Finding,
+    FlightRecord,
+    Series,
+    joined,
+)
 
 OG1 = (
     Column("pressure", ("PRES", "pressure"), "dbar"),
@@ -84,13 +89,7 @@ def read_netcdf(paths: Sequence[Path]) -> FlightRecord:
     if len(kinds) > 1:
         raise ValueError(f"files must be of one format; received {sorted(kinds)}.")
     kind = kinds.pop()
-    channels = {
-        name: Series(
-            np.concatenate([s.time for s in series]),
-            np.concatenate([s.values for s in series]),
-        )
-        for name, series in parts.items()
-    }
+    channels = {name: joined(series) for name, series in parts.items()}
     if kind == "OG-1.0" and "ballast" not in channels:
         findings.append(
             Finding(

@@ -18,7 +18,12 @@ from tuning.identification.record.columns import (
     from_nmea,
     wrapped,
 )
-from tuning.identification.record.flight_record import Finding, FlightRecord, Series
+from tuning.identification.record.flight_record import (
+    Finding,
+    FlightRecord,
+    Series,
+    joined,
+)
 
 GLIDER = (
     Column("depth", ("Depth",), "m"),
@@ -84,18 +89,13 @@ def read_seaexplorer(paths: Sequence[Path]) -> FlightRecord:
                     "added, a fit uses changes of heading only.",
                 )
             )
-    channels = {name: _joined(series) for name, series in parts.items()}
+    channels = {
+        name: joined(sorted(series, key=lambda s: s.time[0] if len(s) else np.inf))
+        for name, series in parts.items()
+    }
     unique = tuple(dict.fromkeys(findings))
     return FlightRecord(
         paths[0].name.split(".gli")[0].split(".pld")[0], "SeaExplorer", channels, unique
-    )
-
-
-def _joined(parts: Sequence[Series]) -> Series:
-    ordered = sorted(parts, key=lambda s: s.time[0] if len(s) else np.inf)
-    return Series(
-        np.concatenate([s.time for s in ordered]),
-        np.concatenate([s.values for s in ordered]),
     )
 
 

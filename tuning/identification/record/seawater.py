@@ -4,6 +4,7 @@ Density is that of TEOS-10 (IOC, SCOR and IAPSO 2010), by the package gsw, in th
 optional extra `data`. Depth needs no package: z = p/(ρ g), ρ the record's own mean.
 """
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -66,13 +67,9 @@ def with_density(record: FlightRecord) -> FlightRecord:
     found = [Finding("density", f"TEOS-10 from {salt}, temperature and pressure.")]
     if not record.has("latitude", "longitude"):
         found.append(Finding("density", "no position: reference composition of salt."))
-    channels = {
-        **record.channels,
-        "density": Series(base.time[good], np.asarray(density)[good]),
-    }
-    return FlightRecord(
-        record.name, record.kind, channels, (*record.findings, *found), record.digest
-    )
+    series = Series(base.time[good], np.asarray(density)[good])
+    channels = {**record.channels, "density": series}
+    return dataclasses.replace(record, channels=channels).with_findings(found)
 
 
 def _gsw() -> Any:

@@ -18,16 +18,6 @@ def slope(values: np.ndarray, half: int, dt: float) -> np.ndarray:
     return np.convolve(np.pad(values, half, mode="edge"), weights[::-1], mode="valid")
 
 
-def smooth_rate(rate: np.ndarray, half: int) -> np.ndarray:
-    """The weights by which the parabola through a depth averages its rate, applied.
-
-    Args:
-        rate: depth rate of a model [m/s].
-        half: steps on either side.
-    """
-    return np.convolve(rate, kernel(half), mode="same")
-
-
 def kernel(half: int) -> np.ndarray:
     """Weights on the depth rate that equal the slope of the parabola on the depth.
 

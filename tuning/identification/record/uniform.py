@@ -203,9 +203,9 @@ def _marked(
             f"on; the depth shows {dive.max(initial=0)}. Give more files of the flight."
         )
     afloat = depth < SURFACE
-    flown = _since(afloat, dt) > AWAY
+    flown = since(afloat, dt) > AWAY
     pumping = np.abs(np.gradient(values["ballast"], dt)) > 5e-7
-    turning = ~((_since(pumping, dt) > SETTLED) & (_until(pumping, dt) > half * dt))
+    turning = ~((since(pumping, dt) > SETTLED) & (_until(pumping, dt) > half * dt))
     compared = good & (depth > SHALLOW) & flown & (dive > 0)
     values["speed"], notes = _plausible_speed(values["speed"], dive)
     return Flight(
@@ -262,8 +262,13 @@ def _dives(depth: np.ndarray, reach: float) -> np.ndarray:
     return np.searchsorted(np.array(starts), np.arange(len(depth)), side="right")
 
 
-def _since(flags: np.ndarray, dt: float) -> np.ndarray:
-    """Time [s] since a flag was last set; infinite before the first."""
+def since(flags: np.ndarray, dt: float) -> np.ndarray:
+    """Time [s] since a flag was last set; infinite before the first.
+
+    Args:
+        flags: flags of samples.
+        dt: time step [s].
+    """
     number = np.arange(len(flags), dtype=float)
     last = np.maximum.accumulate(np.where(flags, number, -np.inf))
     return dt * (number - last)
@@ -271,4 +276,4 @@ def _since(flags: np.ndarray, dt: float) -> np.ndarray:
 
 def _until(flags: np.ndarray, dt: float) -> np.ndarray:
     """Time [s] until a flag is next set; infinite after the last."""
-    return _since(flags[::-1], dt)[::-1]
+    return since(flags[::-1], dt)[::-1]

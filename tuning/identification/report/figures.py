@@ -15,14 +15,13 @@ from jaxglider.plotting.style import (
     new_figure,
 )
 from tuning.identification.fitting import Fit
+from tuning.identification.record.uniform import since
+from tuning.identification.report.report import SHOWN
 from tuning.identification.verdict import Verdict
 
 _LABELS = {
-    "depth_rate": ("depth rate (cm/s)", 100.0),
-    "speed": ("speed (cm/s)", 100.0),
-    "pitch": ("pitch (deg)", 180.0 / np.pi),
-    "roll": ("roll (deg)", 180.0 / np.pi),
-    "turn_rate": ("turn rate (deg/s)", 180.0 / np.pi),
+    name: (f"{name.replace('_', ' ')} ({unit})", factor)
+    for name, (factor, unit) in SHOWN.items()
 }
 _DIVES = 3
 
@@ -110,9 +109,11 @@ def save_residuals(path: Path, fit: Fit, verdict: Verdict) -> Path:
     flight = fit.flight
     held = np.isin(flight.dive, fit.plan.held_out) & flight.good
     down = flight.depth_rate > 0.0
+    # The record begins with a turn, and so does each change of the glide.
+    turns = np.diff(down, prepend=not down[0])
     against = (
         ("depth (m)", flight.depth),
-        ("time since turn (s)", _since_turn(down, flight.dt)),
+        ("time since turn (s)", since(turns, flight.dt)),
         ("recorded pitch (deg)", np.degrees(flight.pitch)),
     )
     names = [n for n in _LABELS if n in verdict.scores]
@@ -131,12 +132,6 @@ def save_residuals(path: Path, fit: Fit, verdict: Verdict) -> Path:
             "simulated less measured, held-out dives", fontsize=8, x=0.01, ha="left"
         )
     return save(figure, path)
-
-
-def _since_turn(down: np.ndarray, dt: float) -> np.ndarray:
-    changes = np.concatenate([[0], np.flatnonzero(np.diff(down.astype(int))) + 1])
-    last = changes[np.searchsorted(changes, np.arange(len(down)), side="right") - 1]
-    return dt * (np.arange(len(down)) - last)
 
 
 def _scatter(

@@ -165,13 +165,12 @@ def mission_toml(fit: Fit, name: str) -> str:
     """
     flight = fit.flight
     steady, rate = flight.steady, np.abs(flight.depth_rate)
-    slope, surface = np.polyfit(
-        flight.depth[flight.good], flight.density[flight.good], 1
-    )
+    depth = flight.depth[flight.good]
+    slope, surface = np.polyfit(depth, flight.density[flight.good], 1)
     pitch = np.degrees(np.abs(np.asarray(fit.after.true_pitch(flight.pitch[steady]))))
     glide = float(np.clip(np.median(pitch) + 3.0, 15.0, 60.0))
+    shallow = float(np.percentile(depth, 5))
     squeezed = float(fit.after.record.compressibility) * surface * GRAVITY
-    plant = "rigid-body"
     return f"""# {name} in the water of its record.
 # Fly it: jaxglider simulate --config mission.toml
 name = {_quoted(name)}
@@ -182,17 +181,17 @@ duration_s = 800.0
 
 [vehicle]
 data = "vehicle.toml"
-plant = "{plant}"
+plant = "rigid-body"
 design_factor = 1.0
 
 [initial_state]
-depth_m = {float(np.percentile(flight.depth[flight.good], 5)):.1f}
+depth_m = {shallow:.1f}
 surge_m_s = 0.1
 
 [water.stratification]
 density_gradient_1_m = {slope / surface:.4g}
 hull_compressibility_1_m = {squeezed:.4g}
-neutral_depth_m = {float(np.median(flight.depth[flight.good])):.1f}
+neutral_depth_m = {float(np.median(depth)):.1f}
 
 [reference]
 type = "schedule"
@@ -202,7 +201,7 @@ start_s = [0.0, 400.0]
 gliding_angle_deg = [{-glide:.1f}, {-glide:.1f}]
 heading_deg = [0.0, 0.0]
 depth_rate_m_s = {0.6 * float(np.median(rate[steady])):.3f}
-initial_depth_m = {float(np.percentile(flight.depth[flight.good], 5)):.1f}
+initial_depth_m = {shallow:.1f}
 
 [controller]
 type = "fxtppc"

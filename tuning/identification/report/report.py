@@ -9,15 +9,17 @@ from tuning.identification.fitting import Fit
 from tuning.identification.knowledge import Estimate, estimates
 from tuning.identification.least_squares import correlations
 from tuning.identification.verdict import CHANNEL_UNITS, Score, Verdict
+from tuning.reporting.statistics import plain
 from tuning.reporting.tables import markdown_table
 
-_SHOWN = {
+SHOWN = {
     "depth_rate": (100.0, "cm/s"),
     "speed": (100.0, "cm/s"),
     "pitch": (180.0 / np.pi, "deg"),
     "roll": (180.0 / np.pi, "deg"),
     "turn_rate": (180.0 / np.pi, "deg/s"),
 }
+"""Factor and unit by which each channel is shown."""
 
 
 def content_of(fit: Fit, verdict: Verdict, remarks: tuple[str, ...]) -> dict[str, Any]:
@@ -42,7 +44,7 @@ def content_of(fit: Fit, verdict: Verdict, remarks: tuple[str, ...]) -> dict[str
             {**dataclasses.asdict(one), "identified": one.identified} for one in known
         ],
         "correlations": correlations(fit.solution.covariance).tolist(),
-        "condition_number": _finite(fit.solution.condition()),
+        "condition_number": plain(fit.solution.condition()),
         "noise": {
             name: {
                 "sigma": noise.sigma,
@@ -63,15 +65,11 @@ def content_of(fit: Fit, verdict: Verdict, remarks: tuple[str, ...]) -> dict[str
     }
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def _score(score: Score) -> dict[str, Any]:
     return {
-        "rms": _finite(score.rms),
-        "bias": _finite(score.bias),
-        "explained": _finite(score.explained),
+        "rms": plain(score.rms),
+        "bias": plain(score.bias),
+        "explained": plain(score.explained),
         "count": score.count,
     }
 
@@ -98,7 +96,7 @@ def text_of(content: dict[str, Any]) -> str:
     lines += ["", f"{'held-out dives':<20}{'before':>13}{'fitted':>13}{'bias':>12}"]
     lines[-1] += f"{'steady':>11}"
     for name, scores in content["scores"].items():
-        factor, unit = _SHOWN[name]
+        factor, unit = SHOWN[name]
         cells = [
             scores["before"]["rms"],
             scores["held_out"]["rms"],
@@ -145,7 +143,7 @@ def markdown_of(content: dict[str, Any]) -> str:
     ]
     rows = []
     for name, scores in content["scores"].items():
-        factor, unit = _SHOWN[name]
+        factor, unit = SHOWN[name]
         rows.append(
             [
                 f"{name} [{unit}]",
