@@ -487,7 +487,7 @@ def test_tuning_the_paper_case_halves_the_objective(evaluate_jit):
 
     descent = Descent(
         cost,
-        *(member, member, DescentSettings(steps=15)),
+        *(member, member, DescentSettings(steps=15, learning_rate=0.3)),
         surrogate_loss=lambda free, member: cost(free, member, 60.0),
     )
     state = descent.start(space.read(loop))

@@ -172,7 +172,7 @@ _OWN_UNITS = {
         **{"call": "J", "battery": "J"},
     },
 }
-"""Their keys, and the units of these."""
+"""Units of the keys of these tables."""
 
 
 def _energy(values: dict[str, float]) -> EnergyModel:

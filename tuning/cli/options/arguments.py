@@ -162,7 +162,7 @@ def add_actuators(parser: argparse.ArgumentParser) -> None:
 
 
 def add_controller(parser: argparse.ArgumentParser) -> None:
-    """The control law."""
+    """The control law of one closed loop."""
     parser.add_argument(
         "--controller",
         type=law,
@@ -217,17 +217,6 @@ def add_case(parser: argparse.ArgumentParser) -> None:
         help="horizon [s]; default: the case's own",
     )
     add_dt(parser)
-
-
-def add_controller(parser: argparse.ArgumentParser) -> None:
-    """The control law of one closed loop."""
-    parser.add_argument(
-        "--controller",
-        type=law,
-        metavar="NAME",
-        help=f"{', '.join(CONTROLLERS)}, or {OWN_LAW}; default: fxtppc-roll, on the "
-        "printed plant fxtppc, or what --gains or --config has",
-    )
 
 
 def add_common(parser: argparse.ArgumentParser, out: str) -> None:
