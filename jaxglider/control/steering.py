@@ -159,10 +159,10 @@ class BankSteering(AbstractSteering):
         converter=as_float, default=1e-3, metadata={"unit": "per_s3", "set": POSITIVE}
     )
     bank_gain: Scalar = eqx.field(
-        converter=as_float, default=0.5, metadata={"set": NOT_NEGATIVE}
+        converter=as_float, default=0.3, metadata={"set": NOT_NEGATIVE}
     )
     roll_damping: Scalar = eqx.field(
-        converter=as_float, default=1.5, metadata={"unit": "s", "set": NOT_NEGATIVE}
+        converter=as_float, default=4.0, metadata={"unit": "s", "set": NOT_NEGATIVE}
     )
     # 40 deg: the roll overshoots it by some degrees.
     largest_bank: Scalar = eqx.field(

@@ -109,13 +109,13 @@ def _ppc(scenario: str, model: DesignModel, steering: AbstractSteering) -> PPC:
 
 def _fxtppc(scenario: str, model: DesignModel, steering: AbstractSteering) -> FxTPPC:
     if isinstance(steering, BankSteering):
-        # A larger mu is softer about zero.
+        # A larger mu, or rho, is softer about zero.
         gains = Channels(
-            ChannelGains(0.0005, 0.05, mu=4.0),
-            ChannelGains(0.005, 0.1, mu=4.0),
-            ChannelGains(0.001, 0.0605, mu=5.0),
+            ChannelGains(0.001, 0.05, mu=4.0),
+            ChannelGains(0.02, 0.17, mu=5.0),
+            ChannelGains(0.002, 0.08, rho=0.9, mu=8.0),
         )
-        hedging = 0.8
+        hedging = 0.5
     else:
         gains = Channels(
             ChannelGains(0.001, 0.01),
