@@ -112,7 +112,7 @@ def _fxtppc(scenario: str, model: DesignModel, steering: AbstractSteering) -> Fx
         # A larger mu, or rho, is softer about zero.
         gains = Channels(
             ChannelGains(0.001, 0.05, mu=4.0),
-            ChannelGains(0.02, 0.17, mu=5.0),
+            ChannelGains(0.02, 0.17, rho=0.9, mu=8.0),
             ChannelGains(0.002, 0.08, rho=0.9, mu=8.0),
         )
         hedging = 0.5
