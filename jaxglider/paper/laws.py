@@ -113,7 +113,7 @@ def _fxtppc(scenario: str, model: DesignModel, steering: AbstractSteering) -> Fx
         gains = Channels(
             ChannelGains(0.001, 0.05, mu=4.0),
             ChannelGains(0.02, 0.17, rho=0.9, mu=8.0),
-            ChannelGains(0.002, 0.08, rho=0.9, mu=8.0),
+            ChannelGains(0.002, 0.08, rho=0.9, mu=6.5),
         )
         hedging = 0.5
     else:

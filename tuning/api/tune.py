@@ -46,7 +46,7 @@ def tune(
     cost: Cost | None = None,
     aggregate: AbstractAggregate | str | None = None,
     constraints: Sequence[str] = HELD_BY_DEFAULT,
-    gradient_memory: float | None = 200.0,
+    gradient_memory: float | None = 60.0,
     steps: int | None = None,
     settings: DescentSettings | None = None,
     method: BlackBoxSettings | None = None,

@@ -46,8 +46,8 @@ class DescentSettings:
     batch: int = 8
     copies: int = 8
     spread: float = 0.05
-    worse: float = 1.5
-    patience: int = 80
+    worse: float = 1.2
+    patience: int = 40
     progress: float = 1e-3
     starts: int = 1
     start_spread: float = 0.5

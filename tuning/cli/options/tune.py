@@ -84,17 +84,17 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
     descent.add_argument(
         "--patience",
         type=count,
-        default=80,
+        default=40,
         metavar="N",
-        help="stop after so many steps without progress; default: 80",
+        help="stop after so many steps without progress; default: 40",
     )
     descent.add_argument(
         "--gradient-memory",
         type=not_negative,
-        default=200.0,
+        default=60.0,
         metavar="S",
         help="how long the gradient remembers [s]; 0: for ever, the exact derivative, "
-        "which may explode on long runs; default: 200",
+        "which may explode on long runs; default: 60",
     )
     descent.add_argument(
         "--starts",
