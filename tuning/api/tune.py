@@ -30,6 +30,7 @@ from tuning.search.black_box import search_black_box
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descend import beside, descend
 from tuning.search.settings import BlackBoxSettings, DescentSettings
+from tuning.search.stable import stable_choice
 from tuning.space.space import HELD_BY_DEFAULT
 
 
@@ -186,8 +187,10 @@ def solve(
             outcome = search_black_box(problem, method, settings, progress)
     finally:
         progress.clear()
+    progress.show("looking whether the loop is stable on its glides ...")
+    free, choice = stable_choice(problem, outcome.free, outcome.history)
     # By way of the host, off all devices but one: else judging would compile twice.
-    tuned = problem.space.write(problem.loop, jnp.asarray(jax.device_get(outcome.free)))
+    tuned = problem.space.write(problem.loop, jnp.asarray(jax.device_get(free)))
     progress.show("judging on held-out members ...")
     before, _ = judging[0].result() if judging else look()
     verdict = compare_held_out(problem, before, judge(tuned))
@@ -197,6 +200,7 @@ def solve(
         progress.show("judging at other ticks and from other roundings ...")
         robust = judge_robustness(judge, tuned)
     remarks = [
+        *([choice] if choice else []),
         *([] if gradient is None else [gradient.text()]),
         *(_stability(tuned, progress) if check else []),
         *([] if robust is None else robust.remarks()),

@@ -48,7 +48,9 @@ from tuning.space.feasible_start import (
 )
 from tuning.space.prescribed import EQUAL_EDGES, PRESCRIBED, prescribed
 
-HELD_BY_DEFAULT = (K1_BELOW_K2, *PRESCRIBED)
+STABLE_LOOP = "stable-loop"
+"""Constraint on the choice among the steps of a search; no number's set has it."""
+HELD_BY_DEFAULT = (K1_BELOW_K2, *PRESCRIBED, STABLE_LOOP)
 """Names of the constraints that `tune` holds where nothing else is asked for."""
 CONSTRAINTS = (*HELD_BY_DEFAULT, OBSERVER_SET, EQUAL_EDGES)
 """Names of all constraints."""

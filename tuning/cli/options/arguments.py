@@ -21,6 +21,7 @@ HELD_BY_DEFAULT = (
     "restart-inside",
     "surface-settles",
     "error-settles",
+    "stable-loop",
 )
 HELD_ON_REQUEST = ("observer-set", "equal-edges")
 OWN_LAW = "FILE.py:ClassName for a law of your own"
