@@ -7,6 +7,7 @@ command line, tables, figures, and the tests of the contract that every law keep
 import dataclasses
 
 from jaxglider.control.controller import AbstractController
+from jaxglider.control.flown.slocum import Slocum
 from jaxglider.control.fxtppc import FxTPPC
 from jaxglider.control.fxtppc_roll import RollAwareFxTPPC
 from jaxglider.control.observer import AbstractObserver, FixedTimeObserver, NoObserver
@@ -17,9 +18,9 @@ from jaxglider.control.prescribed.performance import (
     HalfSechFunction,
     SechFunction,
 )
-from jaxglider.control.slocum import Slocum
 from jaxglider.control.smc import SMC
 from jaxglider.control.steering import AbstractSteering, BankSteering, Inversion
+from jaxglider.control.textbook.pid import PID
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +46,7 @@ LAWS = (
     LawEntry("fxtppc", FxTPPC, "FxTPPC"),
     LawEntry("fxtppc-roll", RollAwareFxTPPC, "FxTPPC-roll"),
     LawEntry("slocum", Slocum, "Slocum", observer="none"),
+    LawEntry("pid", PID, "PID", observer="none"),
 )
 """All laws, the paper's three first."""
 

@@ -14,7 +14,7 @@ SCENARIOS = ("switching", "waypoints")
 PLANTS = ("printed", "rigid-body", "seawing")
 ACTUATORS = ("vehicle", "ideal")
 PAPER_CONTROLLERS = ("smc", "ppc", "fxtppc")
-CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll", "slocum")
+CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll", "slocum", "pid")
 HELD_BY_DEFAULT = (
     "k1-below-k2-squared",
     "inside-specification",

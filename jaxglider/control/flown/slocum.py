@@ -20,47 +20,34 @@ fin commands of a flight log to 5e-9 rad. Departures: corrections of the pitch c
 one period, not on a ladder of waiting times, and the memory is the shift itself.
 """
 
-import dataclasses
 import math
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 
+from jaxglider.control.balance import trimmed
 from jaxglider.control.controller import (
     AbstractController,
     ControlRecord,
     tracking_error,
 )
+from jaxglider.control.parts import ANY, gain
 from jaxglider.control.prescribed.funnel import Funnel
 from jaxglider.control.prescribed.performance import Bound
-from jaxglider.core.containers import Flag, Scalar, as_float
-from jaxglider.core.numerics import square_root
-from jaxglider.core.sets import NOT_NEGATIVE, POSITIVE, Interval
+from jaxglider.control.steering import AbstractSteering
+from jaxglider.core.containers import Flag, Scalar
+from jaxglider.core.sets import POSITIVE, Interval
 from jaxglider.guidance.phases import SURFACE
 from jaxglider.signals import (
     Channels,
     Command,
-    GliderState,
     Measurement,
     Reference,
-    zeros,
 )
 from jaxglider.vehicle.design_model import DesignModel
+from jaxglider.vehicle.moving_mass import FinActuation
 
-_ANY = Interval(-1e3, 1e3)
-
-
-def _gain(default: float, unit: str, kind: Any = NOT_NEGATIVE) -> Any:
-    return eqx.field(
-        converter=as_float, default=default, metadata={"unit": unit, "set": kind}
-    )
-
-
-def _sign(default: float) -> Any:
-    kind = Interval(-1.0, 1.0, closed_low=True, closed_high=True)
-    metadata = {"set": kind, "tuned": False}
-    return eqx.field(converter=as_float, default=default, metadata=metadata)
+_SIGN = Interval(-1.0, 1.0, closed_low=True, closed_high=True)
 
 
 class SlocumState(eqx.Module):
@@ -114,26 +101,39 @@ class Slocum(AbstractController):
 
     model: DesignModel
     funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})
-    steering_limit: Scalar = eqx.field(
-        converter=as_float,
-        default=0.425,
-        metadata={"unit": "rad", "set": Interval(0.0, math.pi), "tuned": False},
-    )
-    dive_sign: Scalar = _sign(1.0)
-    climb_sign: Scalar = _sign(1.0)
-    heading_gain: Scalar = _gain(1.5, "1_rad")
-    heading_integral: Scalar = _gain(0.02, "1_rad_s")
-    heading_rate: Scalar = _gain(-4.0, "s_rad", _ANY)
-    heading_band: Scalar = _gain(0.087, "rad")
-    heading_rate_band: Scalar = _gain(0.0087, "rad_s")
-    integral_wait: Scalar = _gain(120.0, "s")
-    pitch_gain: Scalar = _gain(3.0, "1_rad")
-    pitch_rate: Scalar = _gain(1.0, "s_rad")
-    position_scale: Scalar = _gain(0.036, "m", POSITIVE)
-    largest_step: Scalar = _gain(0.0051, "m", POSITIVE)
-    pitch_band: Scalar = _gain(0.0524, "rad")
-    pitch_period: Scalar = _gain(20.0, "s", POSITIVE)
-    settling: Scalar = _gain(60.0, "s")
+    steering_limit: Scalar = gain(0.425, "rad", Interval(0.0, math.pi), tuned=False)
+    dive_sign: Scalar = gain(1.0, "", _SIGN, tuned=False)
+    climb_sign: Scalar = gain(1.0, "", _SIGN, tuned=False)
+    heading_gain: Scalar = gain(1.5, "1_rad")
+    heading_integral: Scalar = gain(0.02, "1_rad_s")
+    heading_rate: Scalar = gain(-4.0, "s_rad", ANY)
+    heading_band: Scalar = gain(0.087, "rad")
+    heading_rate_band: Scalar = gain(0.0087, "rad_s")
+    integral_wait: Scalar = gain(120.0, "s")
+    pitch_gain: Scalar = gain(3.0, "1_rad")
+    pitch_rate: Scalar = gain(1.0, "s_rad")
+    position_scale: Scalar = gain(0.036, "m", POSITIVE)
+    largest_step: Scalar = gain(0.0051, "m", POSITIVE)
+    pitch_band: Scalar = gain(0.0524, "rad")
+    pitch_period: Scalar = gain(20.0, "s", POSITIVE)
+    settling: Scalar = gain(60.0, "s")
+
+    @classmethod
+    def initial(
+        cls,
+        model: DesignModel,
+        funnel: Funnel | None = None,
+        steering: AbstractSteering | None = None,
+    ) -> "Slocum":
+        """The law as shipped, for a fin or for a mass that banks the glider.
+
+        Args:
+            model: design model.
+            funnel: funnel that errors are judged by.
+            steering: way to steer; not used, the law has its own.
+        """
+        turns_mass = not isinstance(model.actuation, FinActuation)
+        return cls(model, funnel, climb_sign=-1.0 if turns_mass else 1.0)
 
     def init(self) -> SlocumState:
         """Nothing learnt, nothing added up."""
@@ -161,7 +161,7 @@ class Slocum(AbstractController):
         if reference.orders is not None:
             # The mass goes at once to where it will be needed.
             ballast = reference.orders.settled_mass
-        trim = trim_position(self.model, reference.position.pitch, ballast)
+        trim = trimmed(self.model, reference.position.pitch, ballast)
         wanted = Command(ballast, trim + jnp.where(climbing, climb, dive), fin)
         following = SlocumState(integral, free, dive, climb, waited, sign)
         return wanted, following, ControlRecord(error, error)
@@ -222,37 +222,3 @@ def _gliding(reference: Reference) -> Scalar:
         return reference.clock
     gliding = reference.orders.phase != SURFACE
     return jnp.where(gliding, reference.clock, 0.0)
-
-
-def trim_position(model: DesignModel, pitch: Scalar, buoyancy_mass: Scalar) -> Scalar:
-    """Position of the moving mass in a straight glide of a pitch and a ballast [m].
-
-    ξ = θ − α with α = −(K_D0 cot ξ + K_L0)/K_L, a few times over, and the moments in
-    balance at V² = −m_b g sin ξ/K_D0. A ballast that cannot glide so balances at rest.
-
-    Args:
-        model: design model.
-        pitch: θ [rad].
-        buoyancy_mass: m_b [kg].
-    """
-    c = model.parameters
-    steep = jnp.where(pitch < 0.0, -1.0, 1.0) * jnp.maximum(jnp.abs(pitch), 0.1)
-    alpha = jnp.zeros_like(pitch)
-    for _ in range(4):
-        path = steep - alpha
-        alpha = -(c.drag / jnp.tan(path) + c.lift_offset) / c.lift_slope
-        alpha = jnp.clip(alpha, -0.2, 0.2)
-    squared = -buoyancy_mass * c.gravity * jnp.sin(steep - alpha) / c.drag
-    speed = square_root(jnp.maximum(squared, 0.0))
-    state = dataclasses.replace(
-        zeros(GliderState, pitch),
-        pitch=pitch,
-        surge=speed * jnp.cos(alpha),
-        heave=speed * jnp.sin(alpha),
-    )
-    attitude = state.attitude()
-    still = zeros(Command, pitch)
-    command = Command(buoyancy_mass, still.mass_position, still.mass_angle)
-    moment = model.force(state, attitude, command).pitch
-    gain = model.actuation.effectiveness(c, attitude, still.mass_angle)
-    return -moment / gain.pitch_position
