@@ -68,6 +68,7 @@ def trim_ballast(
     return -c.drag * depth_rate * depth_rate / (c.gravity * sine * sine * sine)
 
 
+@jax.named_scope("trim")
 def trim_position(
     model: DesignModel, pitch: Scalar, buoyancy_mass: Scalar, alpha: Scalar
 ) -> Scalar:
@@ -98,16 +99,3 @@ def trim_position(
     moment = model.force(state, attitude, command).pitch
     gain = model.actuation.effectiveness(c, attitude, still.mass_angle)
     return -moment / gain.pitch_position
-
-
-@jax.named_scope("trim")
-def trimmed(model: DesignModel, pitch: Scalar, buoyancy_mass: Scalar) -> Scalar:
-    """`trim_position` at the angle of attack of that pitch [m].
-
-    Args:
-        model: design model.
-        pitch: θ [rad].
-        buoyancy_mass: m_b [kg].
-    """
-    alpha = angle_of_attack(model, pitch)
-    return trim_position(model, pitch, buoyancy_mass, alpha)

@@ -125,3 +125,26 @@ def wound_back(
         dt: tick [s].
     """
     return integral + dt * (added + short / tracking_time)
+
+
+def sampled_rate(now: Scalar, before: Scalar, elapsed: Scalar, first: Flag) -> Scalar:
+    """Rate by the difference of two samples; zero at the first, which has no other.
+
+    Args:
+        now: sample.
+        before: sample of the run before.
+        elapsed: time between them [s].
+        first: flag, there was none before.
+    """
+    return jnp.where(first, 0.0, (now - before) / elapsed)
+
+
+def replaced(due: Flag, fresh: Any, kept: Any) -> Any:
+    """What a law with a period of its own has after a tick: new if it was due.
+
+    Args:
+        due: flag, the law runs in this tick.
+        fresh: result of a run, a pytree.
+        kept: what there was before.
+    """
+    return jax.tree.map(lambda new, old: jnp.where(due, new, old), fresh, kept)

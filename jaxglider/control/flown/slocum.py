@@ -1,23 +1,31 @@
 """The law that Slocum gliders fly: trim of the battery, and a PID on the fin.
 
-With e = ψ − ψ_d, the fin (or the angle of the moving mass) is told
+It runs once in a cycle of 4 s. With e = ψ − ψ_d, the fin (or the angle of the moving
+mass) is told
 
 δ = δ_max clip(−K_p e − K_i ∫e dt − K_d e', ±1),
 
-and stays where it is while |e| and |e'| are within their bands; the integral is held at
-zero while the fin is hard over and for a time after. As shipped K_d is negative: it
-adds to the turn, and the lag of the glider bears it. Where a mass steers, its angle
-changes its sign at each inflection.
+e' by the difference of two cycles. While |e| and |e'| are within their bands the fin
+stays where it is and the integral as it is; the integral is zero from when the fin is
+hard over until a time after. About ±180° the turn goes on to the side it is on. As
+shipped K_d is negative: it adds to the turn, and the lag of the glider bears it. Where
+a mass steers, its angle changes its sign at each inflection.
 
 The battery goes at once to where the design model is in balance at the wanted pitch and
-the ordered ballast, plus a shift learnt on earlier ways down or up; once the pitch has
-had time to settle, every so often, where e_θ is outside its band,
+the ordered ballast, plus a shift. Once the pitch has had time to settle it is looked at
+now and then: outside its band
 
-Δshift = clip(r_max (K_θ e_θ + K_q e_θ'), ±step).
+Δshift = clip(r_max (K_θ e_θ + K_q e_θ'), ±step),
+
+inside the wait to the next look doubles. A new dive or climb begins with the mean shift
+that had the pitch inside its band on the last one of its kind, if that was seen often
+enough. Where no plan orders the ballast it comes from a table of speeds, here that of
+the design model, and a depth hold.
 
 Source: settings of public flight logs and mission files; the heading law gives back the
-fin commands of a flight log to 5e-9 rad. Departures: corrections of the pitch come at
-one period, not on a ladder of waiting times, and the memory is the shift itself.
+fin commands of a flight log to 1e-8 rad, its holds included. Departures: the wait after
+a correction is a number of its own, not half of an expected time; shifts are
+remembered, not positions, so that they hold for another pitch too.
 """
 
 import math
@@ -25,25 +33,28 @@ import math
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxglider.control.balance import trimmed
+from jaxglider.control.balance import angle_of_attack, trim_ballast, trim_position
 from jaxglider.control.controller import (
     AbstractController,
     ControlRecord,
     tracking_error,
 )
-from jaxglider.control.parts import ANY, gain
+from jaxglider.control.flown.battery import Looks, Shifts, looked, remembered
+from jaxglider.control.flown.fin import NEARLY_OVER, FinGains, Turning, steered
+from jaxglider.control.parts import (
+    ANY,
+    gain,
+    is_due,
+    replaced,
+    sampled_rate,
+)
 from jaxglider.control.prescribed.funnel import Funnel
 from jaxglider.control.prescribed.performance import Bound
 from jaxglider.control.steering import AbstractSteering
 from jaxglider.core.containers import Flag, Scalar
 from jaxglider.core.sets import POSITIVE, Interval
 from jaxglider.guidance.phases import SURFACE
-from jaxglider.signals import (
-    Channels,
-    Command,
-    Measurement,
-    Reference,
-)
+from jaxglider.signals import Channels, Command, Measurement, Reference, zeros
 from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.moving_mass import FinActuation
 
@@ -54,20 +65,22 @@ class SlocumState(eqx.Module):
     """Memory from tick to tick.
 
     Attributes:
-        integral: ∫e dt [rad s].
-        free: time since the fin was hard over [s].
-        dive_shift: shift of the battery learnt in dives [m].
-        climb_shift: shift learnt in climbs [m].
-        waited: time since the pitch was last corrected [s].
-        sign: sign of the steering in the tick before, 0 before the first.
+        elapsed: time since the law last ran [s].
+        runs: 1 once it has run, else 0.
+        turning: memory of the heading.
+        pitch_error: e_θ of the run before [rad].
+        shifts: shifts of the battery, and the looks at the pitch.
+        climbed: 1 where the half of the last run is a climb, else 0.
+        command: what was told last [kg, m, rad].
     """
 
-    integral: Scalar
-    free: Scalar
-    dive_shift: Scalar
-    climb_shift: Scalar
-    waited: Scalar
-    sign: Scalar
+    elapsed: Scalar
+    runs: Scalar
+    turning: Turning
+    pitch_error: Scalar
+    shifts: Shifts
+    climbed: Scalar
+    command: Command[Scalar]
 
 
 class Slocum(AbstractController):
@@ -92,8 +105,12 @@ class Slocum(AbstractController):
         position_scale: r_max, move of the battery for an error times gain of one [m].
         largest_step: step, largest correction at once [m].
         pitch_band: |e_θ| within which nothing is corrected [rad].
-        pitch_period: time from one correction to the next [s].
+        pitch_period: time from a correction to the next look [s].
+        longest_wait: longest time from one look at the pitch to the next [s].
         settling: time after an inflection before the first correction [s].
+        depth_gain: ballast per error of the depth [kg/m], where no plan orders it.
+        depth_rate: ballast per error of the depth rate [kg s/m], likewise.
+        cycle: time from one run to the next [s]; the tick where that is longer.
 
     Raises:
         ValueError: a number is outside its set.
@@ -116,7 +133,11 @@ class Slocum(AbstractController):
     largest_step: Scalar = gain(0.0051, "m", POSITIVE)
     pitch_band: Scalar = gain(0.0524, "rad")
     pitch_period: Scalar = gain(20.0, "s", POSITIVE)
+    longest_wait: Scalar = gain(60.0, "s", POSITIVE, tuned=False)
     settling: Scalar = gain(60.0, "s")
+    depth_gain: Scalar = gain(0.001, "kg_m")
+    depth_rate: Scalar = gain(0.001, "kg_s_m")
+    cycle: Scalar = gain(4.0, "s", POSITIVE, tuned=False)
 
     @classmethod
     def initial(
@@ -125,19 +146,30 @@ class Slocum(AbstractController):
         funnel: Funnel | None = None,
         steering: AbstractSteering | None = None,
     ) -> "Slocum":
-        """The law as shipped, for a fin or for a mass that banks the glider.
+        """The law as shipped for a fin, or for a battery that banks the glider.
 
         Args:
             model: design model.
             funnel: funnel that errors are judged by.
             steering: way to steer; not used, the law has its own.
         """
-        turns_mass = not isinstance(model.actuation, FinActuation)
-        return cls(model, funnel, climb_sign=-1.0 if turns_mass else 1.0)
+        if isinstance(model.actuation, FinActuation):
+            return cls(model, funnel)
+        rolling = {"heading_gain": 1.0, "heading_integral": 0.03, "heading_rate": 0.0}
+        return cls(model, funnel, climb_sign=-1.0, **rolling)
 
     def init(self) -> SlocumState:
-        """Nothing learnt, nothing added up."""
-        return SlocumState(*(jnp.zeros_like(self.heading_gain) for _ in range(6)))
+        """Nothing learnt, nothing added up; it runs in the first tick."""
+        zero = jnp.zeros_like(self.cycle)
+        return SlocumState(
+            elapsed=zero,
+            runs=zero,
+            turning=Turning(zero, zero, zero, zero),
+            pitch_error=zero,
+            shifts=Shifts(zero, zero, zero, zero, zero, zero),
+            climbed=zero,
+            command=zeros(Command, zero),
+        )
 
     def step(
         self,
@@ -147,73 +179,90 @@ class Slocum(AbstractController):
         bounds: Channels[Bound],
         dt: Scalar,
     ) -> tuple[Command[Scalar], SlocumState, ControlRecord]:
-        """One run of the law."""
+        """One tick: a run of the law, or what its last run told."""
         error, rate = tracking_error(measurement, reference)
+        first = state.runs < 0.5
+        since = jnp.where(first, dt, state.elapsed)
+        ran = self._run(state, measurement, reference, error, rate, first, since)
+        due = first | is_due(state.elapsed, self.cycle, dt)
+        following: SlocumState = replaced(due, ran, state)
+        elapsed = jnp.where(due, 0.0, state.elapsed) + dt
+        following = eqx.tree_at(lambda s: s.elapsed, following, elapsed)
+        return following.command, following, ControlRecord(error, error)
+
+    def _run(
+        self,
+        state: SlocumState,
+        measurement: Measurement,
+        reference: Reference,
+        error: Channels[Scalar],
+        rate: Channels[Scalar],
+        first: Flag,
+        since: Scalar,
+    ) -> SlocumState:
+        """The memory after a run, with the command."""
         climbing = reference.position.pitch > 0.0
+        climbed = jnp.where(first, climbing, state.climbed > 0.5)
+        turned = (climbing != climbed) | first
+        held = measurement.applied.mass_angle
+        turning = steered(
+            state.turning,
+            error.heading,
+            sampled_rate(error.heading, state.turning.error, since, first),
+            jnp.abs(held) >= NEARLY_OVER * self.steering_limit,
+            self.fin_gains(),
+            since,
+        )
+        looks = Looks(self.pitch_band, self.pitch_period, self.longest_wait)
+        shifts = remembered(state.shifts, climbed, turned, looks)
+        pitch_rate = sampled_rate(error.pitch, state.pitch_error, since, turned)
+        push = self.pitch_gain * error.pitch + self.pitch_rate * pitch_rate
+        push = jnp.clip(
+            self.position_scale * push, -self.largest_step, self.largest_step
+        )
+        settled = _gliding(reference) > self.settling
+        shifts = looked(shifts, error.pitch, push, climbing, settled, looks, since)
+        ballast, trim = self._trim(measurement, reference, error.depth, rate.depth)
         sign = jnp.where(climbing, self.climb_sign, self.dive_sign)
-        fin, integral, free = self._steered(
-            state, error.heading, rate.heading, sign, measurement, dt
+        fin = sign * self.steering_limit * turning.asked
+        return SlocumState(
+            elapsed=state.elapsed,
+            runs=jnp.ones_like(state.runs),
+            turning=turning,
+            pitch_error=error.pitch,
+            shifts=shifts,
+            climbed=climbing.astype(state.climbed.dtype),
+            command=Command(ballast, trim + shifts.at(climbing), fin),
         )
-        dive, climb, waited = self._trimmed(
-            state, error.pitch, rate.pitch, climbing, _gliding(reference), dt
+
+    def fin_gains(self) -> FinGains:
+        """The numbers of the heading law."""
+        return FinGains(
+            self.heading_gain,
+            self.heading_integral,
+            self.heading_rate,
+            self.heading_band,
+            self.heading_rate_band,
+            self.integral_wait,
         )
-        ballast = measurement.applied.buoyancy_mass
+
+    def _trim(
+        self,
+        measurement: Measurement,
+        reference: Reference,
+        error: Scalar,
+        rate: Scalar,
+    ) -> tuple[Scalar, Scalar]:
+        """Ballast [kg], and position of the battery for it [m]."""
+        pitch = reference.position.pitch
+        alpha = angle_of_attack(self.model, pitch)
         if reference.orders is not None:
             # The mass goes at once to where it will be needed.
             ballast = reference.orders.settled_mass
-        trim = trimmed(self.model, reference.position.pitch, ballast)
-        wanted = Command(ballast, trim + jnp.where(climbing, climb, dive), fin)
-        following = SlocumState(integral, free, dive, climb, waited, sign)
-        return wanted, following, ControlRecord(error, error)
-
-    def _steered(
-        self,
-        state: SlocumState,
-        error: Scalar,
-        rate: Scalar,
-        sign: Scalar,
-        measurement: Measurement,
-        dt: Scalar,
-    ) -> tuple[Scalar, Scalar, Scalar]:
-        """Angle of the fin, the integral, and the time since it was hard over."""
-        hold = jnp.abs(error) <= self.heading_band
-        hold = hold & (jnp.abs(rate) <= self.heading_rate_band)
-        asked = -(
-            self.heading_gain * error
-            + self.heading_integral * state.integral
-            + self.heading_rate * rate
-        )
-        hard = ~hold & (jnp.abs(asked) >= 1.0)
-        free = jnp.where(hard, 0.0, state.free + dt)
-        added = jnp.where(hold, state.integral, state.integral + error * dt)
-        # Before it was ever hard over the time counts from the start: no harm in it.
-        integral = jnp.where(free < self.integral_wait, 0.0, added)
-        moved = sign * self.steering_limit * jnp.clip(asked, -1.0, 1.0)
-        flip = jnp.where(state.sign * sign < 0.0, -1.0, 1.0)
-        fin = jnp.where(hold, flip * measurement.applied.mass_angle, moved)
-        return fin, integral, free
-
-    def _trimmed(
-        self,
-        state: SlocumState,
-        error: Scalar,
-        rate: Scalar,
-        climbing: Flag,
-        gliding: Scalar,
-        dt: Scalar,
-    ) -> tuple[Scalar, Scalar, Scalar]:
-        """The shifts of dives and climbs, and the time since the last correction."""
-        waited = state.waited + dt
-        due = (gliding > self.settling) & (waited >= self.pitch_period)
-        due = due & (jnp.abs(error) > self.pitch_band)
-        push = self.position_scale * (self.pitch_gain * error + self.pitch_rate * rate)
-        push = jnp.clip(push, -self.largest_step, self.largest_step)
-        step = jnp.where(due, push, 0.0)
-        return (
-            state.dive_shift + jnp.where(climbing, 0.0, step),
-            state.climb_shift + jnp.where(climbing, step, 0.0),
-            jnp.where(due, 0.0, waited),
-        )
+            return ballast, trim_position(self.model, pitch, ballast, alpha)
+        table = trim_ballast(self.model, pitch, alpha, reference.rate.depth)
+        ballast = table - self.depth_gain * error - self.depth_rate * rate
+        return ballast, trim_position(self.model, pitch, table, alpha)
 
 
 def _gliding(reference: Reference) -> Scalar:

@@ -90,18 +90,18 @@ class PID(AbstractController):
 
     model: DesignModel
     funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})
-    depth_gain: Scalar = gain(0.03, "kg_m")
-    depth_integral: Scalar = gain(3e-4, "kg_m_s")
-    depth_rate: Scalar = gain(0.9, "kg_s_m")
-    depth_tracking: Scalar = gain(20.0, "s", POSITIVE)
-    pitch_gain: Scalar = gain(0.01, "m_rad")
-    pitch_integral: Scalar = gain(5e-4, "m_rad_s")
-    pitch_rate: Scalar = gain(0.05, "m_s_rad")
+    depth_gain: Scalar = gain(0.1, "kg_m")
+    depth_integral: Scalar = gain(1e-3, "kg_m_s")
+    depth_rate: Scalar = gain(2.5, "kg_s_m")
+    depth_tracking: Scalar = gain(40.0, "s", POSITIVE)
+    pitch_gain: Scalar = gain(0.015, "m_rad")
+    pitch_integral: Scalar = gain(1e-3, "m_rad_s")
+    pitch_rate: Scalar = gain(0.1, "m_s_rad")
     pitch_tracking: Scalar = gain(20.0, "s", POSITIVE)
-    heading_gain: Scalar = gain(5e-3, "1_s2")
+    heading_gain: Scalar = gain(0.01, "1_s2")
     heading_integral: Scalar = gain(5e-5, "1_s3")
-    heading_rate: Scalar = gain(0.15, "1_s")
-    heading_tracking: Scalar = gain(20.0, "s", POSITIVE)
+    heading_rate: Scalar = gain(0.25, "1_s")
+    heading_tracking: Scalar = gain(100.0, "s", POSITIVE)
     damping: Command[Scalar] = eqx.field(
         default_factory=default_damping, metadata={"set": POSITIVE}
     )
