@@ -16,7 +16,7 @@ import jax.numpy as jnp
 
 from jaxglider.core.containers import Scalar
 from jaxglider.core.numerics import sincos, square_root
-from jaxglider.signals import Command, GliderState, zeros
+from jaxglider.signals import Command, GliderState, Measurement, Reference, zeros
 from jaxglider.vehicle.design_model import DesignModel
 
 FLATTEST = 0.1
@@ -99,3 +99,28 @@ def trim_position(
     moment = model.force(state, attitude, command).pitch
     gain = model.actuation.effectiveness(c, attitude, still.mass_angle)
     return -moment / gain.pitch_position
+
+
+def wanted_trim(
+    model: DesignModel, measurement: Measurement, reference: Reference
+) -> Command[Scalar]:
+    """Ballast and position of the straight glide that is wanted; angle zero [kg, m].
+
+    The ballast is the one that is ordered, that of the whole half: the mass goes at
+    once to where it will be needed. Where none is, it is that of the wanted depth rate.
+
+    Args:
+        model: design model.
+        measurement: everything that may be known of the glider.
+        reference: wanted outputs with their rates.
+    """
+    pitch = reference.position.pitch
+    alpha = angle_of_attack(model, pitch)
+    if reference.orders is not None:
+        ballast = reference.orders.settled_mass
+    elif measurement.buoyancy_mass is not None:
+        ballast = measurement.buoyancy_mass
+    else:
+        ballast = trim_ballast(model, pitch, alpha, reference.rate.depth)
+    position = trim_position(model, pitch, ballast, alpha)
+    return Command(ballast, position, jnp.zeros_like(position))

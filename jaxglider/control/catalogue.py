@@ -7,6 +7,8 @@ command line, tables, figures, and the tests of the contract that every law keep
 import dataclasses
 
 from jaxglider.control.controller import AbstractController
+from jaxglider.control.flown.seaexplorer import SeaExplorer
+from jaxglider.control.flown.seaglider import Seaglider
 from jaxglider.control.flown.slocum import Slocum
 from jaxglider.control.fxtppc import FxTPPC
 from jaxglider.control.fxtppc_roll import RollAwareFxTPPC
@@ -46,6 +48,8 @@ LAWS = (
     LawEntry("fxtppc", FxTPPC, "FxTPPC"),
     LawEntry("fxtppc-roll", RollAwareFxTPPC, "FxTPPC-roll"),
     LawEntry("slocum", Slocum, "Slocum", observer="none"),
+    LawEntry("seaglider", Seaglider, "Seaglider", observer="none"),
+    LawEntry("seaexplorer", SeaExplorer, "SeaExplorer", observer="none"),
     LawEntry("pid", PID, "PID", observer="none"),
 )
 """All laws, the paper's three first."""

@@ -10,14 +10,16 @@ Source: Bengio, Leonard and Courville, arXiv:1308.3432 (straight-through); Astro
 Hagglund, Advanced PID Control (2006), 3.5 (back-calculation).
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Flag, Scalar, as_float
+from jaxglider.core.rotations import wrap
 from jaxglider.core.sets import NOT_NEGATIVE, Interval
+from jaxglider.signals import Reference
 
 ANY = Interval(-1e3, 1e3)
 """Set of a gain that may have either sign."""
@@ -128,15 +130,17 @@ def wound_back(
 
 
 def sampled_rate(now: Scalar, before: Scalar, elapsed: Scalar, first: Flag) -> Scalar:
-    """Rate by the difference of two samples; zero at the first, which has no other.
+    """Rate of an angle by the difference of two samples, the short way round [rad/s].
+
+    Zero at the first sample, which has no other.
 
     Args:
-        now: sample.
-        before: sample of the run before.
+        now: sample [rad].
+        before: sample of the run before [rad].
         elapsed: time between them [s].
         first: flag, there was none before.
     """
-    return jnp.where(first, 0.0, (now - before) / elapsed)
+    return jnp.where(first, 0.0, wrap(now - before) / elapsed)
 
 
 def replaced(due: Flag, fresh: Any, kept: Any) -> Any:
@@ -148,3 +152,38 @@ def replaced(due: Flag, fresh: Any, kept: Any) -> Any:
         kept: what there was before.
     """
     return jax.tree.map(lambda new, old: jnp.where(due, new, old), fresh, kept)
+
+
+class Phase(NamedTuple):
+    """The phase that a law last saw.
+
+    Attributes:
+        number: number of the phase of a yo; 0 where there is none.
+        clock: time since the last inflection, or change of what is asked [s].
+    """
+
+    number: Scalar
+    clock: Scalar
+
+
+def phase_of(reference: Reference) -> Phase:
+    """The phase that is on.
+
+    Args:
+        reference: wanted outputs, with orders where a plan gives them.
+    """
+    # A strong type, as a memory has to be.
+    clock = reference.clock.astype(reference.clock.dtype)
+    if reference.orders is None:
+        return Phase(jnp.zeros_like(clock), clock)
+    return Phase(reference.orders.phase.astype(clock.dtype), clock)
+
+
+def has_changed(before: Phase, now: Phase) -> Flag:
+    """Flag, another phase or segment has begun.
+
+    Args:
+        before: phase of the tick before.
+        now: phase of this one.
+    """
+    return (now.number != before.number) | (now.clock < before.clock)

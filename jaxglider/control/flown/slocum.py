@@ -33,7 +33,7 @@ import math
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxglider.control.balance import angle_of_attack, trim_ballast, trim_position
+from jaxglider.control.balance import wanted_trim
 from jaxglider.control.controller import (
     AbstractController,
     ControlRecord,
@@ -222,7 +222,10 @@ class Slocum(AbstractController):
         )
         settled = _gliding(reference) > self.settling
         shifts = looked(shifts, error.pitch, push, climbing, settled, looks, since)
-        ballast, trim = self._trim(measurement, reference, error.depth, rate.depth)
+        trim = wanted_trim(self.model, measurement, reference)
+        ballast = trim.buoyancy_mass
+        if reference.orders is None:
+            ballast -= self.depth_gain * error.depth + self.depth_rate * rate.depth
         sign = jnp.where(climbing, self.climb_sign, self.dive_sign)
         fin = sign * self.steering_limit * turning.asked
         return SlocumState(
@@ -232,7 +235,7 @@ class Slocum(AbstractController):
             pitch_error=error.pitch,
             shifts=shifts,
             climbed=climbing.astype(state.climbed.dtype),
-            command=Command(ballast, trim + shifts.at(climbing), fin),
+            command=Command(ballast, trim.mass_position + shifts.at(climbing), fin),
         )
 
     def fin_gains(self) -> FinGains:
@@ -245,24 +248,6 @@ class Slocum(AbstractController):
             self.heading_rate_band,
             self.integral_wait,
         )
-
-    def _trim(
-        self,
-        measurement: Measurement,
-        reference: Reference,
-        error: Scalar,
-        rate: Scalar,
-    ) -> tuple[Scalar, Scalar]:
-        """Ballast [kg], and position of the battery for it [m]."""
-        pitch = reference.position.pitch
-        alpha = angle_of_attack(self.model, pitch)
-        if reference.orders is not None:
-            # The mass goes at once to where it will be needed.
-            ballast = reference.orders.settled_mass
-            return ballast, trim_position(self.model, pitch, ballast, alpha)
-        table = trim_ballast(self.model, pitch, alpha, reference.rate.depth)
-        ballast = table - self.depth_gain * error - self.depth_rate * rate
-        return ballast, trim_position(self.model, pitch, table, alpha)
 
 
 def _gliding(reference: Reference) -> Scalar:

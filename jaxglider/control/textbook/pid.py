@@ -22,7 +22,7 @@ not of their steady turn; the derivative acts on e', as measured.
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxglider.control.balance import angle_of_attack, trim_ballast, trim_position
+from jaxglider.control.balance import wanted_trim
 from jaxglider.control.controller import (
     AbstractController,
     ControlRecord,
@@ -141,7 +141,7 @@ class PID(AbstractController):
         """One tick; the integrals are brought up to date before they are used."""
         error, rate = steered_error(self.steering, self.model, measurement, reference)
         integral = self._integral(state, measurement, error, dt)
-        trim = self._trim(measurement, reference)
+        trim = wanted_trim(self.model, measurement, reference)
         ballast = trim.buoyancy_mass
         if measurement.buoyancy_mass is None:
             ballast += integral.depth - (
@@ -185,17 +185,3 @@ class PID(AbstractController):
             shorts,
             times,
         )
-
-    def _trim(self, measurement: Measurement, reference: Reference) -> Command[Scalar]:
-        """Ballast and position of the wanted straight glide [kg, m]."""
-        pitch = reference.position.pitch
-        alpha = angle_of_attack(self.model, pitch)
-        if measurement.buoyancy_mass is None:
-            ballast = trim_ballast(self.model, pitch, alpha, reference.rate.depth)
-        elif reference.orders is None:
-            ballast = measurement.buoyancy_mass
-        else:
-            # The mass goes at once to where the half will need it.
-            ballast = reference.orders.settled_mass
-        position = trim_position(self.model, pitch, ballast, alpha)
-        return Command(ballast, position, jnp.zeros_like(position))

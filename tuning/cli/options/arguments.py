@@ -14,7 +14,9 @@ SCENARIOS = ("switching", "waypoints")
 PLANTS = ("printed", "rigid-body", "seawing")
 ACTUATORS = ("vehicle", "ideal")
 PAPER_CONTROLLERS = ("smc", "ppc", "fxtppc")
-CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll", "slocum", "pid")
+FLOWN = ("slocum", "seaglider", "seaexplorer")
+TEXTBOOK = ("pid",)
+CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll", *FLOWN, *TEXTBOOK)
 HELD_BY_DEFAULT = (
     "k1-below-k2-squared",
     "inside-specification",
