@@ -22,6 +22,10 @@ from jaxglider.control.prescribed.performance import (
 )
 from jaxglider.control.smc import SMC
 from jaxglider.control.steering import AbstractSteering, BankSteering, Inversion
+from jaxglider.control.textbook.adrc import ADRC
+from jaxglider.control.textbook.backstepping import Backstepping
+from jaxglider.control.textbook.fixed_time import FixedTimeBackstepping
+from jaxglider.control.textbook.lqr import LQI, LQR
 from jaxglider.control.textbook.pid import PID
 
 
@@ -51,6 +55,11 @@ LAWS = (
     LawEntry("seaglider", Seaglider, "Seaglider", observer="none"),
     LawEntry("seaexplorer", SeaExplorer, "SeaExplorer", observer="none"),
     LawEntry("pid", PID, "PID", observer="none"),
+    LawEntry("lqr", LQR, "LQR", observer="none"),
+    LawEntry("lqi", LQI, "LQI", observer="none"),
+    LawEntry("adrc", ADRC, "ADRC", observer="none"),
+    LawEntry("backstepping", Backstepping, "Backstepping", observer="none"),
+    LawEntry("fixed-time-backstepping", FixedTimeBackstepping, "FxT-backstepping"),
 )
 """All laws, the paper's three first."""
 

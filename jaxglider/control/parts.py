@@ -23,6 +23,8 @@ from jaxglider.signals import Reference
 
 ANY = Interval(-1e3, 1e3)
 """Set of a gain that may have either sign."""
+BEFORE = 1e6
+"""Clock [s] of a phase before the first: any other is a change."""
 SOFTNESS = 0.2
 """Width of the smooth stand-in for a decision, as a share of the threshold."""
 

@@ -30,6 +30,7 @@ from jaxglider.control.controller import (
 )
 from jaxglider.control.parts import (
     ANY,
+    BEFORE,
     Phase,
     beyond,
     gain,
@@ -64,7 +65,7 @@ class SeaExplorerState(eqx.Module):
 
     Attributes:
         elapsed: time since the law last ran [s].
-        phase: phase at the tick before; before the first its clock is infinite.
+        phase: phase at the tick before; before the first its clock is `BEFORE`.
         error: e of the run before [rad].
         integral: ∫e dt [rad s].
         place: place of the mass without feedback [m].
@@ -142,7 +143,7 @@ class SeaExplorer(AbstractController):
     def init(self) -> SeaExplorerState:
         """Nothing added up; the first tick begins a phase."""
         zero = jnp.zeros_like(self.period)
-        phase = Phase(zero, zero + jnp.inf)
+        phase = Phase(zero, zero + BEFORE)
         command = zeros(Command, zero)
         return SeaExplorerState(zero, phase, zero, zero, zero, command)
 
@@ -159,7 +160,7 @@ class SeaExplorer(AbstractController):
         phase = phase_of(reference)
         changed = has_changed(state.phase, phase)
         due = changed | is_due(state.elapsed, self.period, dt)
-        first = jnp.isinf(state.phase.clock)
+        first = state.phase.clock == BEFORE
         since = jnp.maximum(state.elapsed, dt)
         climbing = reference.position.pitch > 0.0
         shut = beyond(jnp.abs(error.heading), self.dead_zone)

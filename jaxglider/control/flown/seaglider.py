@@ -33,6 +33,7 @@ from jaxglider.control.controller import (
     tracking_error,
 )
 from jaxglider.control.parts import (
+    BEFORE,
     Phase,
     beyond,
     chosen,
@@ -69,7 +70,7 @@ class SeagliderState(eqx.Module):
 
     Attributes:
         elapsed: time since the last look [s].
-        phase: phase at the tick before; before the first its clock is infinite.
+        phase: phase at the tick before; before the first its clock is `BEFORE`.
         looks: number of looks in this phase.
         adjustment: a, shift of the mass that is learnt [m].
         more: ballast added for the depth rate [kg].
@@ -181,7 +182,7 @@ class Seaglider(AbstractController):
         zero = jnp.zeros_like(self.interval)
         return SeagliderState(
             elapsed=zero,
-            phase=Phase(zero, zero + jnp.inf),
+            phase=Phase(zero, zero + BEFORE),
             looks=zero,
             adjustment=zero,
             more=zero,

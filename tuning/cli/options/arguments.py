@@ -15,7 +15,7 @@ PLANTS = ("printed", "rigid-body", "seawing")
 ACTUATORS = ("vehicle", "ideal")
 PAPER_CONTROLLERS = ("smc", "ppc", "fxtppc")
 FLOWN = ("slocum", "seaglider", "seaexplorer")
-TEXTBOOK = ("pid",)
+TEXTBOOK = ("pid", "lqr", "lqi", "adrc", "backstepping", "fixed-time-backstepping")
 CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll", *FLOWN, *TEXTBOOK)
 HELD_BY_DEFAULT = (
     "k1-below-k2-squared",
