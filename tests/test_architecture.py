@@ -33,6 +33,7 @@ ROOMS = (
     "jaxglider.paper.tuned",
     "jaxglider.paper",
     "jaxglider.files.flight",
+    "jaxglider.files.settings",
     "jaxglider.files",
     "jaxglider.plotting",
     "jaxglider.export.c",

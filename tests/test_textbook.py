@@ -8,10 +8,11 @@ import scipy.linalg
 from scipy.integrate import solve_ivp
 
 from jaxglider import paper
-from jaxglider.control.textbook.adrc import observer_gains
+from jaxglider.control.textbook.adrc import ADRCState, observer_gains
 from jaxglider.control.textbook.fixed_time import Reaching
 from jaxglider.control.textbook.linear_design import STATES, linear_model, trim_of
 from jaxglider.core.riccati import regulator_gain, sampled
+from jaxglider.signals import BodyAxes, Command, GliderState, Measurement, zeros
 from jaxglider.vehicle.plant import rigid_body_plant
 from jaxglider.vehicle.published import load_vehicle
 
@@ -104,21 +105,20 @@ def test_the_observer_has_its_poles_where_the_formula_puts_them(bandwidth, dt):
 def test_adrc_estimates_what_pushes_a_channel():
     law = made("adrc")
     dt = 0.05
-    state = law.init()
-    from jaxglider.signals import BodyAxes, Command, GliderState, Measurement, zeros
-
-    run = jax.jit(law.estimated)
     push, ballast = 0.01, 0.02
     applied = Command(ballast, 0.0, 0.0)
     total = push + float(law.depth_input) * ballast
-    for n in range(1200):
-        t = n * dt
+
+    def tick(state, t):
         seen = GliderState.at_rest(depth=0.5 * total * t * t)
         measured = Measurement(seen, seen.attitude(), applied, zeros(BodyAxes))
-        z = run(state, measured, jnp.asarray(dt))
-        state = type(state)(z, state.asked, jnp.asarray(1.0))
-    assert float(z.depth.disturbance) == pytest.approx(push, rel=1e-3)
-    assert float(z.depth.rate) == pytest.approx(total * t, rel=1e-3)
+        z = law.estimated(state, measured, jnp.asarray(dt))
+        return ADRCState(z, state.asked, jnp.asarray(1.0)), z.depth
+
+    times = dt * jnp.arange(1200.0)
+    _, z = jax.lax.scan(tick, law.init(), times)
+    assert float(z.disturbance[-1]) == pytest.approx(push, rel=1e-3)
+    assert float(z.rate[-1]) == pytest.approx(total * float(times[-1]), rel=1e-3)
 
 
 def test_the_reaching_law_settles_in_its_time_from_however_far():

@@ -10,9 +10,9 @@ Discrete, for a tick Δt and u held: with ẑ the prediction by y'' = z₃ + b�
 
 z = ẑ + L (y − ẑ₁),   L = [1 − β³, 3/2 (1 − β)² (1 + β)/Δt, (1 − β)³/Δt²],
 
-β = e^{−ω_o Δt}, so that the error of the estimate has its three poles at β. u is what the actuators
-hold, so that nothing winds up. Ballast acts on the depth, the place of the mass on the
-pitch; the heading's u is the turn that the `steering` carries out.
+β = e^{−ω_o Δt}, so that the error of the estimate has its three poles at β. u is what
+the actuators hold, so that nothing winds up. Ballast acts on the depth, the place of
+the mass on the pitch; the heading's u is the turn that the `steering` carries out.
 
 Source: Z. Gao, American Control Conference 2003 (bandwidth form); R. Miklosovic,
 A. Radke and Z. Gao, ACC 2006 (discrete observer); for gliders D. Song et al., 2017.
