@@ -118,7 +118,9 @@ def _tuned(law: str, options: argparse.Namespace) -> dict[str, Any]:
     problem = TuningProblem.of(spec)
     settings = DescentSettings(steps=options.steps)
     found = descend(problem, settings, SilentProgress(), check=False)
-    tuned = problem.space.write(problem.loop, jnp.asarray(found.free))
+    # By way of the host, off all devices but one.
+    free = jnp.asarray(jax.device_get(found.free))
+    tuned = problem.space.write(problem.loop, free)
     spent = time.process_time() - begun
     run = problem.on_members()
     loops = {"start": problem.loop, "tuned": tuned}

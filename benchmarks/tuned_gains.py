@@ -3,7 +3,8 @@
 Tunes the paper's controllers on every plant and case by `jaxglider tune`, and PID where
 the mass obeys mechanics, and copies the gains into the package; the actuators are those
 of the plant. FxTPPC-roll is left out: it was made for actuators that jump, and an
-FxTPPC that steers by bank knows of the roll itself. Cases can be named to make a part again.
+FxTPPC that steers by bank knows of the roll itself. Cases can be named to make a part
+again.
 
 Then, or with `--judge` at once, it writes a table of what the gains of the package are
 worth beside the paper's on members that neither descent nor choice has seen. Run it in

@@ -106,7 +106,7 @@ def is_due(waited: Scalar, period: Scalar, dt: Scalar) -> Flag:
 
     Args:
         waited: time since it last ran, this tick not counted [s].
-        period: its period [s]; one below a tick runs it in every tick.
+        period: period of the law [s]; one below a tick runs it in every tick.
         dt: tick [s].
     """
     return waited + 0.5 * dt >= period
@@ -146,12 +146,12 @@ def sampled_rate(now: Scalar, before: Scalar, elapsed: Scalar, first: Flag) -> S
 
 
 def replaced(due: Flag, fresh: Any, kept: Any) -> Any:
-    """What a law with a period of its own has after a tick: new if it was due.
+    """Memory of a law with a period of its own after a tick: new if it was due.
 
     Args:
         due: flag, the law runs in this tick.
         fresh: result of a run, a pytree.
-        kept: what there was before.
+        kept: result of the run before.
     """
     return jax.tree.map(lambda new, old: jnp.where(due, new, old), fresh, kept)
 

@@ -69,7 +69,7 @@ class SeaExplorerState(eqx.Module):
         error: e of the run before [rad].
         integral: ∫e dt [rad s].
         place: place of the mass without feedback [m].
-        command: what was told last [kg, m, rad].
+        command: command of the last run [kg, m, rad].
     """
 
     elapsed: Scalar
@@ -95,8 +95,8 @@ class SeaExplorer(AbstractController):
         largest_angle: γ_max [rad].
         dive_sign: σ in dives, 1 where a positive angle turns the glider to starboard.
         climb_sign: σ in climbs.
-        dive_offset: what the pilot adds to the place of the mass in dives [m].
-        climb_offset: what the pilot adds to it in climbs [m].
+        dive_offset: shift that the pilot adds to the place of the mass in dives [m].
+        climb_offset: shift that the pilot adds to it in climbs [m].
         pitch_gain: K_θ, move of the mass for an error of the pitch [m/rad]; 0 as most
             are flown.
         period: time from one run to the next [s].

@@ -78,7 +78,7 @@ class SeagliderState(eqx.Module):
         turning: time since the turn began [s].
         dive_centre: γ₀ in dives [rad].
         climb_centre: γ₀ in climbs [rad].
-        command: what was told last [kg, m, rad].
+        command: command of the last run [kg, m, rad].
     """
 
     elapsed: Scalar
@@ -287,7 +287,7 @@ class Seaglider(AbstractController):
         rate: Channels[Scalar],
         looks: Scalar,
     ) -> tuple[Scalar, Scalar]:
-        """What is added for the depth rate, and the ballast with it [kg]."""
+        """Ballast added for the depth rate, and the whole ballast with it [kg]."""
         trim = wanted_trim(self.model, measurement, reference).buoyancy_mass
         if reference.orders is not None:
             return state.more, trim

@@ -71,7 +71,7 @@ class SlocumState(eqx.Module):
         pitch_error: e_θ of the run before [rad].
         shifts: shifts of the battery, and the looks at the pitch.
         climbed: 1 where the half of the last run is a climb, else 0.
-        command: what was told last [kg, m, rad].
+        command: command of the last run [kg, m, rad].
     """
 
     elapsed: Scalar

@@ -220,7 +220,7 @@ class _Wanted(eqx.Module):
 
 
 def reference_of(reference: Reference) -> Channels[_Wanted]:
-    """What is wanted of each channel.
+    """Wanted value, rate and acceleration of each channel.
 
     Args:
         reference: wanted outputs with their rates and accelerations.

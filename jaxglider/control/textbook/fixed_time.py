@@ -61,7 +61,7 @@ class Reaching(Container):
         """R(x).
 
         Args:
-            x: what is to go to zero.
+            x: quantity that is to go to zero.
             smoothing: δ of the signed powers.
         """
         low, high = signed_powers(x, (self.p, self.q), smoothing)

@@ -28,16 +28,16 @@ class StateRow(Container):
     """One number for each state that a regulator feeds back; none for place and drift.
 
     Attributes:
-        depth: that of Z [per m].
-        roll: that of φ [per rad].
-        pitch: that of θ [per rad].
-        heading: that of ψ [per rad].
-        surge: that of u [per m/s].
-        sway: that of v [per m/s].
-        heave: that of w [per m/s].
-        roll_rate: that of p [per rad/s].
-        pitch_rate: that of q [per rad/s].
-        yaw_rate: that of r [per rad/s].
+        depth: entry of Z [per m].
+        roll: entry of φ [per rad].
+        pitch: entry of θ [per rad].
+        heading: entry of ψ [per rad].
+        surge: entry of u [per m/s].
+        sway: entry of v [per m/s].
+        heave: entry of w [per m/s].
+        roll_rate: entry of p [per rad/s].
+        pitch_rate: entry of q [per rad/s].
+        yaw_rate: entry of r [per rad/s].
     """
 
     depth: Scalar = eqx.field(converter=as_float)
@@ -96,8 +96,8 @@ class Trim(NamedTuple):
     """A straight glide.
 
     Attributes:
-        state: its state.
-        command: what the actuators hold in it [kg, m, rad].
+        state: state of the glider in it.
+        command: positions of the actuators in it [kg, m, rad].
     """
 
     state: GliderState

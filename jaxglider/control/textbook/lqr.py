@@ -84,7 +84,7 @@ class RegulatorState(eqx.Module):
         elapsed: time since the law last ran; before it did, longer than any period [s].
         feedback: K, or None where the law has it.
         integral: ∫e dt of each channel, or None without.
-        command: what was told last [kg, m, rad].
+        command: command of the last run [kg, m, rad].
     """
 
     elapsed: Scalar

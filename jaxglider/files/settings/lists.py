@@ -78,7 +78,7 @@ KNOWN: dict[str, dict[str, Setting]] = {"slocum": SLOCUM, "seaglider": SEAGLIDER
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """What a list says.
+    """Numbers of a list, and the names in it that are not known.
 
     Attributes:
         law: name of the law that it is for.
