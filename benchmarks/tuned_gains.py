@@ -1,9 +1,10 @@
 """Make the gains that come with jaxglider: `python benchmarks/tuned_gains.py`.
 
-Tunes every controller on every plant and case by `jaxglider tune` and copies the gains
-into the package; the actuators are those of the plant. FxTPPC-roll is left out: it was
-made for actuators that jump, and an FxTPPC that steers by bank knows of the roll
-itself. Cases can be named to make a part again.
+Tunes the paper's controllers on every plant and case by `jaxglider tune`, and PID where
+the mass obeys mechanics, and copies the gains into the package; the actuators are those
+of the plant. FxTPPC-roll is left out: it was made for actuators that jump, and an
+FxTPPC that steers by bank knows of the roll itself. Cases can be named to make a part
+again.
 
 Then, or with `--judge` at once, it writes a table of what the gains of the package are
 worth beside the paper's on members that neither descent nor choice has seen. Run it in
@@ -19,7 +20,12 @@ from typing import Any
 
 from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import replacing, write_text
-from tuning.cli.options.arguments import CONTROLLERS, PLANTS, SCENARIOS
+from tuning.cli.options.arguments import (
+    CONTROLLERS,
+    PAPER_CONTROLLERS,
+    PLANTS,
+    SCENARIOS,
+)
 from tuning.cli.session.jax_setup import start_jax
 from tuning.evaluation.final_gradient import GradientProbe
 from tuning.evaluation.held_out import Judge, compare_held_out
@@ -35,7 +41,7 @@ PAPER_BEST = {
 CASES = {
     "-".join(case): case
     for case in itertools.product(SCENARIOS, PLANTS, CONTROLLERS)
-    if case[2] != "fxtppc-roll"
+    if case[2] in PAPER_CONTROLLERS or (case[2] == "pid" and case[1] != "printed")
 }
 """Scenario, plant and controller of each case, by name."""
 

@@ -315,6 +315,31 @@ def test_gains_of_the_package_are_compared_by_the_word(call, monkeypatch):
         assert encoded(tuned.controller, tuned.observer) == wanted
 
 
+def test_all_laws_fly_a_case_or_a_mission_under_one_sea(call, monkeypatch):
+    """Every law once; tuned gains for those that have some, the others are named."""
+    entries = []
+
+    def remember(given, seed):
+        entries[:] = given
+        return [], True
+
+    monkeypatch.setattr(tuning.cli.commands.compare, "run_all", remember)
+    case = ("--plant", "seawing", "--scenario", "switching", "--gains", "tuned")
+    code, _, err = call("compare", *case, "--controllers", "all")
+    assert code == 130
+    tuned = [f"{name} (tuned)" for name in ("smc", "ppc", "fxtppc", "pid")]
+    assert [entry.controller for entry in entries] == [*BY_NAME, *tuned]
+    assert "no tuned gains come along for fxtppc-roll, slocum, seaglider" in err
+    flown = ("--mission", "slocum-shallow", "--controllers", "slocum", "pid", "lqr")
+    code, _, _ = call("compare", *flown)
+    assert code == 130
+    names = [entry.controller for entry in entries]
+    assert names == ["slocum (mission)", "pid", "lqr"]
+    assert {entry.scenario for entry in entries} == {"slocum-shallow"}
+    kinds = [type(entry.loop.controller) for entry in entries]
+    assert kinds == [BY_NAME[name].cls for name in ("slocum", "pid", "lqr")]
+
+
 def test_a_word_is_meant_before_a_file_of_the_name(call, tmp_path, monkeypatch):
     """Which gains are flown does not hang on what lies about in the folder."""
     for word in ("tuned", "paper"):

@@ -7,6 +7,9 @@ command line, tables, figures, and the tests of the contract that every law keep
 import dataclasses
 
 from jaxglider.control.controller import AbstractController
+from jaxglider.control.flown.seaexplorer import SeaExplorer
+from jaxglider.control.flown.seaglider import Seaglider
+from jaxglider.control.flown.slocum import Slocum
 from jaxglider.control.fxtppc import FxTPPC
 from jaxglider.control.fxtppc_roll import RollAwareFxTPPC
 from jaxglider.control.observer import AbstractObserver, FixedTimeObserver, NoObserver
@@ -17,9 +20,13 @@ from jaxglider.control.prescribed.performance import (
     HalfSechFunction,
     SechFunction,
 )
-from jaxglider.control.slocum import Slocum
 from jaxglider.control.smc import SMC
 from jaxglider.control.steering import AbstractSteering, BankSteering, Inversion
+from jaxglider.control.textbook.adrc import ADRC
+from jaxglider.control.textbook.backstepping import Backstepping
+from jaxglider.control.textbook.fixed_time import FixedTimeBackstepping
+from jaxglider.control.textbook.lqr import LQI, LQR
+from jaxglider.control.textbook.pid import PID
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +52,14 @@ LAWS = (
     LawEntry("fxtppc", FxTPPC, "FxTPPC"),
     LawEntry("fxtppc-roll", RollAwareFxTPPC, "FxTPPC-roll"),
     LawEntry("slocum", Slocum, "Slocum", observer="none"),
+    LawEntry("seaglider", Seaglider, "Seaglider", observer="none"),
+    LawEntry("seaexplorer", SeaExplorer, "SeaExplorer", observer="none"),
+    LawEntry("pid", PID, "PID", observer="none"),
+    LawEntry("lqr", LQR, "LQR", observer="none"),
+    LawEntry("lqi", LQI, "LQI", observer="none"),
+    LawEntry("adrc", ADRC, "ADRC", observer="none"),
+    LawEntry("backstepping", Backstepping, "Backstepping", observer="none"),
+    LawEntry("fixed-time-backstepping", FixedTimeBackstepping, "FxT-backstepping"),
 )
 """All laws, the paper's three first."""
 

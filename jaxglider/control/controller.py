@@ -87,6 +87,10 @@ class AbstractController(Container):
             The wanted command, the next state, and what is merely reported.
         """
 
+    def on_board(self) -> "AbstractController":
+        """The law as it runs on board; one with work to do beforehand has it done."""
+        return self
+
     def bounds(self, clock: Scalar) -> Channels[Bound]:
         """P, P', P'' of the funnel at t* [s]; infinite without one."""
         if self.funnel is None:

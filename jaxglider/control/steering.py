@@ -9,6 +9,7 @@ inverse of the first is unstable (`docs/heading.md`).
 `BankSteering` asks the heading for a bank, and the bank for a mass angle.
 """
 
+import dataclasses
 import math
 from abc import abstractmethod
 
@@ -124,6 +125,31 @@ def _push_and_gain(
         (push, model.input_gain(measurement))
     )
     return left
+
+
+def alone(
+    steering: AbstractSteering,
+    model: DesignModel,
+    measurement: Measurement,
+    turn: Scalar,
+    ballast: Scalar,
+    damping: Command[Scalar],
+) -> Scalar:
+    """Mass or fin angle [rad] for a turn, for laws that set the other two themselves.
+
+    Args:
+        steering: way to steer.
+        model: design model.
+        measurement: measurement, which carries d̂.
+        turn: wanted acceleration of the heading [rad/s²].
+        ballast: m_b that the law sets [kg].
+        damping: terms added to the diagonal of gᵀg, one positive number each.
+    """
+    zero = jnp.zeros_like(turn)
+    known = dataclasses.replace(measurement, buoyancy_mass=ballast)
+    demand = Channels(zero, zero, turn)
+    angle: Scalar = steering.command(model, known, demand, damping).mass_angle
+    return angle
 
 
 class BankSteering(AbstractSteering):

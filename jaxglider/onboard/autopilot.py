@@ -290,7 +290,7 @@ def autopilot(loop: ClosedLoop, guard: Guard | None = None) -> Autopilot:
     guard = guard.for_ticks(scenario.clock.dt)
     _refuse_disbelieved(loop, guard)
     return Autopilot(
-        controller=loop.controller,
+        controller=loop.controller.on_board(),
         observer=loop.observer,
         reference=scenario.reference,
         actuators=scenario.actuators,

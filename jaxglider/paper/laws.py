@@ -22,7 +22,6 @@ from jaxglider.control.prescribed.performance import (
     SechFunction,
 )
 from jaxglider.control.prescribed.transform import ErrorTransformation
-from jaxglider.control.slocum import Slocum
 from jaxglider.control.steering import INVERSION, AbstractSteering, BankSteering
 from jaxglider.core.containers import choose
 from jaxglider.signals import BodyAxes, Channels
@@ -140,13 +139,6 @@ def _fxtppc_roll(
     return RollAwareFxTPPC(_fxtppc(scenario, model, INVERSION))
 
 
-def _slocum(scenario: str, model: DesignModel, steering: AbstractSteering) -> Slocum:
-    """Not the paper's; it has a way to steer of its own."""
-    turns_mass = not isinstance(model.actuation, FinActuation)
-    sign = -1.0 if turns_mass else 1.0
-    return Slocum(model, funnel=funnel(scenario), climb_sign=sign)
-
-
 _MAKERS: dict[
     str, Callable[[str, DesignModel, AbstractSteering], AbstractController]
 ] = {
@@ -154,7 +146,6 @@ _MAKERS: dict[
     "ppc": _ppc,
     "fxtppc": _fxtppc,
     "fxtppc-roll": _fxtppc_roll,
-    "slocum": _slocum,
 }
 
 
@@ -171,7 +162,8 @@ def make_controller(
 
     Args:
         name: name of the law in the catalogue; `fxtppc-roll` has those of `fxtppc`, and
-            defaults of its own for the roll.
+            defaults of its own for the roll. A law that is not the paper's says itself
+            what it begins with.
         scenario: `switching` or `waypoints`.
         model: design model.
         steering: way to steer; `default_steering` by default.
@@ -179,9 +171,14 @@ def make_controller(
     Raises:
         ValueError: an unknown name.
     """
-    choose("controller", name, tuple(_MAKERS))
+    choose("controller", name, tuple(BY_NAME))
     choose("scenario", scenario, SCENARIOS)
-    return _MAKERS[name](scenario, model, steering or default_steering(model))
+    steering = steering or default_steering(model)
+    if name in _MAKERS:
+        return _MAKERS[name](scenario, model, steering)
+    cls: Any = BY_NAME[name].cls
+    law: AbstractController = cls.initial(model, funnel(scenario), steering)
+    return law
 
 
 def fixed_time_observer(model: DesignModel) -> FixedTimeObserver:

@@ -175,6 +175,12 @@ def _init(options: argparse.Namespace) -> int:
     return init(options)
 
 
+def _settings(options: argparse.Namespace) -> int:
+    from tuning.cli.commands.templates import settings
+
+    return settings(options)
+
+
 def _validate(options: argparse.Namespace) -> int:
     start_jax(64)
     from tuning.cli.commands.templates import validate
@@ -234,6 +240,7 @@ _COMMANDS = {
     "rerun": _rerun,
     "init": _init,
     "validate": _validate,
+    "settings": _settings,
     "cache": _cache,
     "missions": _missions,
     "vehicles": _vehicles,

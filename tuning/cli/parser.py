@@ -10,12 +10,14 @@ from tuning.cli.options.arguments import (
     PAPER_CONTROLLERS,
     PLANTS,
     SCENARIOS,
+    Laws,
     add_actuators,
     add_common,
     add_dt,
     add_mission,
     count,
     law,
+    law_or_all,
     mission_file,
     seed,
 )
@@ -50,6 +52,7 @@ def parser() -> argparse.ArgumentParser:
     add_export(commands)
     _add_init(commands)
     _add_validate(commands)
+    _add_settings(commands)
     _add_cache(commands)
     add_missions(commands)
     add_vehicles(commands)
@@ -73,8 +76,9 @@ def _version() -> str:
 
 
 def _add_compare(commands: Any) -> None:
-    text = "run the paper's cases, all controllers under the same sea"
+    text = "run the paper's cases, or a mission, all controllers under the same sea"
     parser = commands.add_parser("compare", help=text, description=text + ".")
+    add_mission(parser, "a mission of your own instead of the paper's cases")
     parser.add_argument(
         "--scenario", choices=(*SCENARIOS, "all"), default="all", help="default: all"
     )
@@ -84,11 +88,12 @@ def _add_compare(commands: Any) -> None:
     parser.add_argument(
         "--controllers",
         nargs="+",
-        type=law,
+        type=law_or_all,
+        action=Laws,
         default=list(PAPER_CONTROLLERS),
         metavar="NAME",
-        help=f"any of {', '.join(CONTROLLERS)}, or {OWN_LAW}; default: the paper's "
-        "three",
+        help=f"any of {', '.join(CONTROLLERS)}, or {OWN_LAW}; `all` for all of these "
+        "but the last; default: the paper's three",
     )
     parser.add_argument(
         "--gains",
@@ -101,6 +106,32 @@ def _add_compare(commands: Any) -> None:
     add_actuators(parser)
     add_dt(parser)
     add_common(parser, "results/compare")
+
+
+def _add_settings(commands: Any) -> None:
+    text = "turn an autopilot's settings into a gains file, or a gains file into them"
+    parser = commands.add_parser("settings", help=text, description=text + ".")
+    parser.add_argument(
+        "path",
+        type=Path,
+        metavar="FILE",
+        help="list of names and numbers, or a gains file, which ends in .toml",
+    )
+    parser.add_argument(
+        "--law",
+        choices=("slocum", "seaglider"),
+        default="slocum",
+        help="law that a list is for; default: slocum",
+    )
+    parser.add_argument(
+        "--gains",
+        type=Path,
+        metavar="FILE",
+        help="gains file to put beside it: what tuning changed, in the vendor's units",
+    )
+    parser.add_argument(
+        "--to", type=Path, metavar="FILE", help="file to write; default: stdout"
+    )
 
 
 def _add_simulate(commands: Any) -> None:

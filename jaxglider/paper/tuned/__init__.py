@@ -7,6 +7,17 @@ which command made it; `benchmarks/tuned_gains.py` makes them all again.
 from pathlib import Path
 
 
+def has_tuned_gains(scenario: str, plant: str, controller: str) -> bool:
+    """Whether gains tuned for a case come along.
+
+    Args:
+        scenario: `switching` or `waypoints`.
+        plant: name of the plant.
+        controller: name of the controller.
+    """
+    return _file(scenario, plant, controller).is_file()
+
+
 def tuned_gains(scenario: str, plant: str, controller: str) -> Path:
     """The file of gains tuned for a case.
 
@@ -18,12 +29,16 @@ def tuned_gains(scenario: str, plant: str, controller: str) -> Path:
     Raises:
         ValueError: there is none.
     """
-    folder = Path(__file__).parent
-    file = folder / scenario / f"{plant}-{controller}.toml"
+    file = _file(scenario, plant, controller)
     if not file.is_file():
+        folder = Path(__file__).parent
         known = sorted(f"{p.parent.name}-{p.stem}" for p in folder.glob("*/*.toml"))
         raise ValueError(
             f"no gains come with jaxglider for {controller} in {scenario} on {plant}; "
             f"there are {', '.join(known)}."
         )
     return file
+
+
+def _file(scenario: str, plant: str, controller: str) -> Path:
+    return Path(__file__).parent / scenario / f"{plant}-{controller}.toml"

@@ -1,11 +1,15 @@
-"""The commands that write a commented file to begin with, and check a mission."""
+"""The commands that write a file to begin with, check a mission, or turn settings."""
 
 import argparse
 import sys
 from pathlib import Path
 
+import tomli_w
+
 from jaxglider.core.toml import reason
 from jaxglider.files import mission, uncertainty
+from jaxglider.files.gains import read_gains
+from jaxglider.files.settings.lists import KNOWN, Settings, read_settings, settings_of
 from jaxglider.files.writing import write_text
 from jaxglider.simulation.checks.start import start_warnings
 from tuning.evaluation.runs import note_stability
@@ -48,3 +52,49 @@ def validate(options: argparse.Namespace) -> int:
         f"{clock.ticks} ticks of {float(clock.dt):g} s.\n"
     )
     return OK
+
+
+def settings(options: argparse.Namespace) -> int:
+    """`jaxglider settings`: an autopilot's list as gains, and gains as such a list.
+
+    Raises:
+        ValueError: a file cannot be used.
+        OSError: the result cannot be written.
+    """
+    if options.path.suffix == ".toml":
+        tables = read_gains(options.path)
+        listed = settings_of(tables, str(options.path))
+        text = listed.text()
+    else:
+        listed = read_settings(options.path, options.law)
+        text = tomli_w.dumps(listed.gains())
+    if listed.unknown:
+        note(f"not known to {listed.law}: {', '.join(listed.unknown)}.")
+    if options.gains is not None:
+        tuned = settings_of(read_gains(options.gains), str(options.gains))
+        text = _changes(listed, tuned)
+    if options.to is None:
+        sys.stdout.write(text)
+    else:
+        write_text(options.to, text)
+    return OK
+
+
+def _changes(flown: Settings, tuned: Settings) -> str:
+    """A line for each number that either has, as flown and as tuned.
+
+    Raises:
+        ValueError: they are for different laws.
+    """
+    if flown.law != tuned.law:
+        raise ValueError(
+            f"--gains must be of the law {flown.law}; received {tuned.law}."
+        )
+    lines = [f"{'':32} {'flown':>12} {'tuned':>12}"]
+    for name, setting in KNOWN[flown.law].items():
+        pair = flown.values.get(name), tuned.values.get(name)
+        if pair != (None, None):
+            cells = ["-" if x is None else f"{x:.4g}" for x in pair]
+            title = f"{name} [{setting.unit}]"
+            lines.append(f"{title:32} {cells[0]:>12} {cells[1]:>12}")
+    return "\n".join(lines) + "\n"

@@ -14,7 +14,10 @@ SCENARIOS = ("switching", "waypoints")
 PLANTS = ("printed", "rigid-body", "seawing")
 ACTUATORS = ("vehicle", "ideal")
 PAPER_CONTROLLERS = ("smc", "ppc", "fxtppc")
-CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll", "slocum")
+FLOWN = ("slocum", "seaglider", "seaexplorer")
+TEXTBOOK = ("pid", "lqr", "lqi", "adrc", "backstepping", "fixed-time-backstepping")
+CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll", *FLOWN, *TEXTBOOK)
+ALL = "all"
 HELD_BY_DEFAULT = (
     "k1-below-k2-squared",
     "inside-specification",
@@ -79,6 +82,26 @@ def law(text: str) -> str:
     raise argparse.ArgumentTypeError(
         f"must be one of {', '.join(CONTROLLERS)}, or {OWN_LAW}; received {text!r}."
     )
+
+
+def law_or_all(text: str) -> str:
+    """A control law as `law` has it, or the word for all of the catalogue."""
+    return text if text == ALL else law(text)
+
+
+class Laws(argparse.Action):
+    """Laws by their names, `all` standing for every one of the catalogue."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Put the names in the place of the word."""
+        names = [n for word in values for n in (CONTROLLERS if word == ALL else [word])]
+        setattr(namespace, self.dest, list(dict.fromkeys(names)))
 
 
 def uncertainty(text: str) -> float | Path:

@@ -1,0 +1,150 @@
+"""Fixed-time backstepping: backstepping with a bound on the time that it takes.
+
+With e = η − η_d of each channel, R_k(x) = k₁ sig^p(x) + k₂ sig^q(x), 0 < p < 1 < q, and
+z = e' + R_k(e), how far its rate is from the wanted one, the acceleration that the
+design model is asked for is
+
+a = η_d'' − R_k'(e) e' − κ e − R_l(z).
+
+s' = −R_k(s) is at zero after 1/(k₁ (1 − p)) + 1/(k₂ (q − 1)) at the latest, from
+however far away; z has such a time with l, and then e with k.
+
+Source: Luo et al., 2025 (fixed-time backstepping of a glider, κ = 1); A. Polyakov, IEEE
+Trans. Automatic Control 57 (2012) 2106-2110 (the time). Assumed: powers smoothed about
+zero, where R' would be infinite; κ is a gain; d̂ is the fixed-time observer's. What an
+actuator does not carry out the theory does not know.
+"""
+
+import equinox as eqx
+import jax
+
+from jaxglider.control.controller import (
+    AbstractController,
+    ControlRecord,
+    allocate,
+    default_damping,
+    steered_error,
+)
+from jaxglider.control.prescribed.funnel import Funnel
+from jaxglider.control.prescribed.performance import Bound
+from jaxglider.control.steering import INVERSION, AbstractSteering
+from jaxglider.core.containers import Container, Scalar, as_float
+from jaxglider.core.numerics import signed_powers
+from jaxglider.core.sets import ABOVE_ONE, NOT_NEGATIVE, POSITIVE, UNIT
+from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
+from jaxglider.vehicle.design_model import DesignModel
+
+
+class Reaching(Container):
+    """R(x) = k₁ sig^p(x) + k₂ sig^q(x), which brings x to zero in a fixed time.
+
+    Attributes:
+        k1: k₁ > 0, of the power below one.
+        k2: k₂ > 0, of the power above one.
+        p: p in (0, 1).
+        q: q > 1.
+
+    Raises:
+        ValueError: a number is outside its set.
+    """
+
+    k1: Scalar = eqx.field(converter=as_float, metadata={"set": POSITIVE})
+    k2: Scalar = eqx.field(converter=as_float, metadata={"set": POSITIVE})
+    p: Scalar = eqx.field(converter=as_float, default=0.8, metadata={"set": UNIT})
+    q: Scalar = eqx.field(converter=as_float, default=1.2, metadata={"set": ABOVE_ONE})
+
+    def settling_bound(self) -> Scalar:
+        """Time to zero from however far away [s]: 1/(k₁ (1 − p)) + 1/(k₂ (q − 1))."""
+        return 1.0 / (self.k1 * (1.0 - self.p)) + 1.0 / (self.k2 * (self.q - 1.0))
+
+    def of(self, x: Scalar, smoothing: Scalar) -> Scalar:
+        """R(x).
+
+        Args:
+            x: quantity that is to go to zero.
+            smoothing: δ of the signed powers.
+        """
+        low, high = signed_powers(x, (self.p, self.q), smoothing)
+        return self.k1 * low + self.k2 * high
+
+
+class FixedTimeBackstepping(AbstractController):
+    """Fixed-time backstepping on each channel.
+
+    Attributes:
+        model: design model, the designer's belief about the glider.
+        outer: R_k of each channel, on the error.
+        inner: R_l of each channel, on the rate.
+        coupling: κ of each channel [1/s²].
+        funnel: funnel that errors are judged by, or None; the law does not use it.
+        damping: damping of the allocation, one number per actuator.
+        smoothing: δ of the signed powers.
+        steering: way to steer; the paper's inversion by default.
+
+    Raises:
+        ValueError: a number is outside its set.
+    """
+
+    model: DesignModel
+    outer: Channels[Reaching]
+    inner: Channels[Reaching]
+    coupling: Channels[Scalar] = eqx.field(metadata={"set": NOT_NEGATIVE})
+    funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})
+    damping: Command[Scalar] = eqx.field(
+        default_factory=default_damping, metadata={"set": POSITIVE}
+    )
+    smoothing: Scalar = eqx.field(
+        converter=as_float, default=0.01, metadata={"set": POSITIVE, "tuned": False}
+    )
+    steering: AbstractSteering = INVERSION
+
+    @classmethod
+    def initial(
+        cls,
+        model: DesignModel,
+        funnel: Funnel | None = None,
+        steering: AbstractSteering = INVERSION,
+    ) -> "FixedTimeBackstepping":
+        """The law with gains by hand for a SeaWing that steers by bank.
+
+        Args:
+            model: design model.
+            funnel: funnel that errors are judged by.
+            steering: way to steer.
+        """
+        outer = Channels(
+            Reaching(0.03, 0.03), Reaching(0.06, 0.06), Reaching(0.02, 0.02)
+        )
+        inner = Channels(Reaching(0.1, 0.1), Reaching(0.15, 0.15), Reaching(0.06, 0.06))
+        coupling = Channels(0.001, 0.005, 0.001)
+        return cls(model, outer, inner, coupling, funnel, steering=steering)
+
+    def init(self) -> None:
+        """No state: the law has no memory."""
+        return None
+
+    def step(
+        self,
+        state: None,
+        measurement: Measurement,
+        reference: Reference,
+        bounds: Channels[Bound],
+        dt: Scalar,
+    ) -> tuple[Command[Scalar], None, ControlRecord]:
+        """One tick of the law."""
+        error, rate = steered_error(self.steering, self.model, measurement, reference)
+
+        def channel(
+            outer: Reaching, inner: Reaching, kappa: Scalar, e: Scalar, e1: Scalar
+        ) -> tuple[Scalar, Scalar]:
+            def wanted(x: Scalar) -> Scalar:
+                return outer.of(x, self.smoothing)
+
+            reached, slope = jax.jvp(wanted, (e,), (e1,))
+            z = e1 + reached
+            return -slope - kappa * e - inner.of(z, self.smoothing), z
+
+        law = map_fields(channel, self.outer, self.inner, self.coupling, error, rate)
+        demand = map_fields(lambda a, c: a + c[0], reference.acceleration, law)
+        wanted = allocate(self.model, measurement, demand, self.damping, self.steering)
+        return wanted, state, ControlRecord(error, map_fields(lambda c: c[1], law))

@@ -1,0 +1,1 @@
+"""Settings of autopilots that fly, as gains and back."""
