@@ -13,6 +13,7 @@ from tuning.cli.options.arguments import (
     add_actuators,
     add_common,
     add_dt,
+    add_duration,
     add_mission,
     count,
     law,
@@ -99,6 +100,7 @@ def _add_compare(commands: Any) -> None:
         "controller; `tuned`: those that come with jaxglider for this case",
     )
     add_actuators(parser)
+    add_duration(parser)
     add_dt(parser)
     add_common(parser, "results/compare")
 
@@ -110,6 +112,7 @@ def _add_simulate(commands: Any) -> None:
     parser.add_argument(
         "--seed", type=seed, metavar="N", help="of the sea, instead of the file's"
     )
+    add_duration(parser)
     parser.add_argument(
         "--keep-every",
         type=count,

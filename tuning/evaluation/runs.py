@@ -15,10 +15,12 @@ from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import provenance, write_json, write_text
 from jaxglider.guidance.phases import STATUS_TEXTS, STATUSES
 from jaxglider.plotting import save_all
+from jaxglider.simulation.checks.failure import Failure
 from jaxglider.simulation.checks.stability import glides_of, loop_modes, statement
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.flight import halves
 from jaxglider.simulation.rollout import Trajectory, simulate
+from tuning.evaluation.failures import command_that_shows, until_failure
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
 from tuning.reporting.flights import markdown_flight, text_flight
@@ -38,10 +40,11 @@ class PlannedRun:
 
 @dataclasses.dataclass(frozen=True)
 class FinishedRun:
-    """One run made, its trajectory on the host."""
+    """One run made: its trajectory on the host, cut where it failed, and why."""
 
     entry: PlannedRun
     trajectory: Trajectory
+    failure: Failure | None = None
 
     def summary(self) -> dict[str, Any]:
         """Entry of the run in metrics.json."""
@@ -55,6 +58,7 @@ class FinishedRun:
                 has_waypoints=self.entry.loop.scenario.reference.waypoints is not None,
             ),
             **self._flight(),
+            **({"failure": self.failure.to_dict()} if self.failure else {}),
         }
 
     def _flight(self) -> dict[str, Any]:
@@ -89,7 +93,10 @@ def run_all(
                 "compiling and running ..."
             )
             sea = entry.loop.scenario.sea(jax.random.key(seed))
-            done.append(FinishedRun(entry, jax.device_get(run(entry.loop, sea))))
+            flown = jax.device_get(run(entry.loop, sea))
+            done.append(
+                FinishedRun(entry, *until_failure(entry.loop, sea, flown, keep_every))
+            )
     except KeyboardInterrupt:
         return done, True
     finally:
@@ -131,9 +138,9 @@ def report_runs(
         tables += [text + "\n" for text in map(text_flight, group) if text]
     print_result(result, "\n".join(tables), as_json=options.json)
     _write(options.out, done, result)
-    failed = [s for s in summaries if not s["finite"]]
-    for run in failed:
-        note(f"{run['scenario']}, {run['controller']}: the run became non-finite.")
+    failed = [(d, s) for d, s in zip(done, summaries, strict=True) if d.failure]
+    for one, run in failed:
+        _note_failure(options, one, run)
     missed = [s for s in summaries if s.get("status", "completed") != "completed"]
     for run in missed:
         text = STATUS_TEXTS[STATUSES.index(run["status"])]
@@ -141,6 +148,22 @@ def report_runs(
     if interrupted:
         return INTERRUPTED
     return RUN_FAILED if failed or missed else OK
+
+
+def _note_failure(
+    options: argparse.Namespace, one: FinishedRun, run: dict[str, Any]
+) -> None:
+    """Say why a run failed: the cause first, then what was seen and how to see it."""
+    if one.failure is None:
+        return
+    first, *more = one.failure.lines()
+    note(f"{run['scenario']}, {run['controller']}: {first}")
+    for line in more:
+        note(f"  {line}")
+    note(
+        f"  figures and trajectories.nc hold every tick until then. To see it: "
+        f"{command_that_shows(options, run)}"
+    )
 
 
 def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:

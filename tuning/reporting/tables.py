@@ -72,7 +72,9 @@ def outcome(run: dict[str, Any]) -> str:
     words.append(f"max roll {turned}")
     if "status" in run:
         words.append(run["status"])
-    if not run["finite"]:
+    if run.get("failure"):
+        words.append(f"FAILED at {run['failure']['time_s']:.6g} s")
+    elif not run["finite"]:
         words.append("FAILED: not finite")
     elif run["capsized"]:
         words.append("ROLLED OVER" if roll and roll > 3.15 else "rolled past 90 deg")

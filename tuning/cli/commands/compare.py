@@ -37,7 +37,11 @@ def _paper_entries(
     options: argparse.Namespace, scenario: str, files: Mapping[str, dict[str, Any]]
 ) -> Iterator[PlannedRun]:
     setting = paper.make_scenario(
-        scenario, options.plant, dt=options.dt or DT, actuators=options.actuators
+        scenario,
+        options.plant,
+        dt=options.dt or DT,
+        duration=options.duration,
+        actuators=options.actuators,
     )
     model = paper.design_model(setting.plant)
     sets = resolve(

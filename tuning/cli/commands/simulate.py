@@ -1,6 +1,7 @@
 """The command that flies one mission, steered by its controller or by a program."""
 
 import argparse
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -39,12 +40,15 @@ def simulate_mission(options: argparse.Namespace) -> int:
         note(mission.stand_ins)
     for remark in mission.remarks:
         note(f"warning: {remark}")
+    case = FlightCase.of_mission(mission, options.duration)
+    if options.duration is not None:
+        loop = mission.law.on(case.scenario)
+        mission = dataclasses.replace(mission, loop=loop)
     seed = mission.seed if options.seed is None else options.seed
     if options.controller_binary is not None:
         return _simulate_outside(options, mission, seed)
     name, loop = mission.controller, mission.loop
     if options.controller is not None:
-        case = FlightCase.of_mission(mission)
         (gains,) = case.resolve([PAPER], [options.controller])
         name, loop = gains.label, case.loop(gains)[1]
     for warning in start_warnings(loop):
