@@ -159,7 +159,10 @@ def _add_init(commands: Any) -> None:
 def _add_validate(commands: Any) -> None:
     text = "check a mission file without running it"
     parser = commands.add_parser("validate", help=text, description=text + ".")
-    parser.add_argument("path", type=mission_file, metavar="FILE")
+    parser.add_argument("path", type=mission_file, metavar="MISSION")
+    parser.add_argument(
+        "--strict", action="store_true", help="take every warning for an error"
+    )
 
 
 def _add_cache(commands: Any) -> None:

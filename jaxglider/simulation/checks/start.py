@@ -8,14 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.control import tracking_error
-from jaxglider.guidance import (
-    AbstractReference,
-    AttitudeSchedule,
-    Schedule,
-    WaypointPath,
-)
+from jaxglider.guidance import AttitudeSchedule, WaypointPath
 from jaxglider.guidance.obedience import informed
 from jaxglider.signals import CHANNELS, BodyAxes, Channels, Measurement, zeros
+from jaxglider.simulation.checks.task import schedule_of, wanted_depths
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Scenario
 
@@ -81,16 +77,10 @@ def above_the_surface(scenario: Scenario) -> list[str]:
             f"the glider starts {-start:.4g} m above the surface; "
             "initial_state.depth_m is positive down."
         )
-    schedule = _schedule(scenario.reference)
+    schedule = schedule_of(scenario.reference)
     if schedule is None:
         return found
-    # Wanted depth is linear within a segment: the ends tell.
-    end = scenario.clock.ticks * float(scenario.clock.dt)
-    begun = np.asarray(schedule.start, np.float64)
-    times = np.append(begun[begun < end], end)
-    lengths, rates = np.diff(times), np.asarray(schedule.depth_rate, np.float64)
-    sunk = np.cumsum(lengths * rates[: len(lengths)])
-    depths = float(schedule.initial_depth) + np.append(0.0, sunk)
+    times, depths = wanted_depths(schedule, scenario)
     # Rounding of a yo that comes back to the surface is none.
     if depths.min() < -1e-3:
         found.append(
@@ -99,13 +89,6 @@ def above_the_surface(scenario: Scenario) -> list[str]:
             "initial_depth_m of reference.schedule. No glider can follow it there."
         )
     return found
-
-
-def _schedule(reference: AbstractReference) -> Schedule | None:
-    """The schedule that gives the depth, if one does."""
-    if isinstance(reference, AttitudeSchedule):
-        return reference.schedule
-    return reference.vertical if isinstance(reference, WaypointPath) else None
 
 
 def _start(loop: ClosedLoop) -> tuple[Any, ...]:

@@ -10,6 +10,7 @@ from jaxglider.control.observer import NoObserver
 from jaxglider.files.mission import Mission, load_mission
 from jaxglider.onboard.guard import status_names
 from jaxglider.onboard.pipe import ChildProcess, PipeController
+from jaxglider.simulation.checks.ranges import range_warnings
 from jaxglider.simulation.checks.start import start_warnings
 from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.evaluation.runs import (
@@ -38,7 +39,7 @@ def simulate_mission(options: argparse.Namespace) -> int:
     mission = load_mission(options.config)
     if mission.stand_ins:
         note(mission.stand_ins)
-    for remark in mission.remarks:
+    for remark in (*mission.remarks, *range_warnings(mission.loop)):
         note(f"warning: {remark}")
     case = FlightCase.of_mission(mission, options.duration)
     if options.duration is not None:

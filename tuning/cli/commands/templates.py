@@ -7,6 +7,7 @@ from pathlib import Path
 from jaxglider.core.toml import reason
 from jaxglider.files import mission, uncertainty
 from jaxglider.files.writing import write_text
+from jaxglider.simulation.checks.sense import sense_warnings
 from jaxglider.simulation.checks.start import start_warnings
 from tuning.evaluation.runs import note_stability
 from tuning.reporting.console import note
@@ -35,12 +36,27 @@ def init(options: argparse.Namespace) -> int:
 
 
 def validate(options: argparse.Namespace) -> int:
-    """`jaxglider validate`: whether a mission file can be flown."""
+    """`jaxglider validate`: whether a mission file can be flown, and makes sense.
+
+    Raises:
+        ValueError: it makes no sense, with `--strict`; or it cannot be flown.
+        FloatingPointError: it is not finite at its start.
+    """
     loaded = mission.load_mission(options.path)
     if loaded.stand_ins:
         note(loaded.stand_ins)
-    for warning in (*loaded.remarks, *start_warnings(loaded.loop)):
-        note(f"warning: {warning}")
+    found = [
+        *loaded.remarks,
+        *start_warnings(loaded.loop),
+        *sense_warnings(loaded.loop),
+    ]
+    for warning in found:
+        note(f"{'error' if options.strict else 'warning'}: {warning}")
+    if found and options.strict:
+        raise ValueError(
+            f"{options.path}: {len(found)} errors, with --strict; without it they are "
+            "warnings."
+        )
     note_stability(loaded.loop, always=False)
     clock = loaded.loop.scenario.clock
     sys.stdout.write(
