@@ -136,8 +136,8 @@ def report_runs(
         group = [s for s in summaries if (s["scenario"], s["plant"]) == key]
         tables.append(text_table(group) + "\n")
         tables += [text + "\n" for text in map(text_flight, group) if text]
-    print_result(result, "\n".join(tables), as_json=options.json)
     _write(options.out, done, result)
+    print_result(result, "\n".join(tables), as_json=options.json)
     failed = [(d, s) for d, s in zip(done, summaries, strict=True) if d.failure]
     for one, run in failed:
         _note_failure(options, one, run)

@@ -79,9 +79,9 @@ def _rerun(
     write_trajectories(out / "trajectories.nc", runs, about, origin)
     figures = save_all(out / "figures", loop.scenario, runs)
     progress.clear()
+    note(f"{out}: member.json, trajectories.nc and {len(figures)} figures.")
     text = f"member {member}\n" + text_table(result["runs"])
     print_result(result, text, as_json=options.json)
-    note(f"{out}: member.json, trajectories.nc and {len(figures)} figures.")
 
 
 def _table(folder: Path, manifest: Manifest) -> Rows:

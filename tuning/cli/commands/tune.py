@@ -37,10 +37,11 @@ def tune(options: argparse.Namespace) -> int:
         return _say_tried(options.out, error)
     mission = None if options.config is None else str(options.config)
     content = result.save(options.out, command=sys.argv[1:], mission=mission)
-    print_result(content, text_report(content), as_json=options.json)
     note(
         f"{folder_name(options.out)}: gains.toml, history.csv, tune.json and report.md."
     )
+    text = text_report(content, gains=options.verbose)
+    print_result(content, text, as_json=options.json)
     return INTERRUPTED if result.interrupted else OK
 
 

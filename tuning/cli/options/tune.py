@@ -37,6 +37,11 @@ def add_tune(commands: Any) -> None:
     parser.add_argument(
         "--resume", action="store_true", help="go on from the checkpoint in --out"
     )
+    parser.add_argument(
+        "--verbose",
+        action="store_true",
+        help="print every tuned number too, which gains.toml has",
+    )
     add_common(parser, "results/tune")
 
 
