@@ -185,7 +185,11 @@ def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
         group = [d for d in done if d.entry.scenario == scenario]
         labelled = {_label(d.entry.controller): d.trajectory for d in group}
         folder = out / "figures" / _file_name(scenario)
-        figures += len(save_all(folder, group[0].entry.loop.scenario, labelled))
+        one = group[0].entry
+        title = f"{one.scenario} on {one.plant}"
+        figures += len(
+            save_all(folder, one.loop.scenario, labelled, ("png",), None, title)
+        )
     progress.clear()
     note(f"{out}: metrics.json, tables.md, trajectories.nc and {figures} figures.")
 

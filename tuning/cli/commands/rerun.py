@@ -77,7 +77,9 @@ def _rerun(
     loop = with_member(campaign.loops[0], _one(draw(campaign, member, 1)[1]))[0]
     about, origin = result["provenance"], loop.scenario.origin
     write_trajectories(out / "trajectories.nc", runs, about, origin)
-    figures = save_all(out / "figures", loop.scenario, runs)
+    settings = manifest.settings
+    title = f"member {member}: {settings.scenario} on {settings.plant}"
+    figures = save_all(out / "figures", loop.scenario, runs, ("png",), None, title)
     progress.clear()
     note(f"{out}: member.json, trajectories.nc and {len(figures)} figures.")
     text = f"member {member}\n" + text_table(result["runs"])
