@@ -23,6 +23,7 @@ from tuning.evaluation.sections import (
 )
 from tuning.evaluation.settling_table import settling_table
 from tuning.problem.problem import TuningProblem
+from tuning.reporting.html import write_html
 from tuning.reporting.ledger import text_ledger
 from tuning.reporting.tables import figure, outcome
 from tuning.search.settings import Step
@@ -124,7 +125,7 @@ def write_tuning_report(
     tuned: ClosedLoop,
     runs: dict[str, Trajectory],
 ) -> None:
-    """Write report.md and its figures.
+    """Write report.md, its figures, and report.html, which has all of it.
 
     Args:
         out: folder to write to.
@@ -144,7 +145,9 @@ def write_tuning_report(
             with replacing(out / name) as temporary:
                 figure.savefig(temporary, dpi=150)
     settling = settling_table(tuned, runs)
-    write_text(out / "report.md", _markdown(result, settling))
+    text = _markdown(result, settling)
+    write_text(out / "report.md", text)
+    write_html(out / "report.html", text, result.get("provenance", {}))
 
 
 def objective_figure(history: list[Step]) -> Figure:

@@ -24,6 +24,7 @@ from tuning.evaluation.failures import command_that_shows, until_failure
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
 from tuning.reporting.flights import markdown_flight, text_flight
+from tuning.reporting.html import write_html
 from tuning.reporting.tables import markdown_tables, text_table
 
 
@@ -171,7 +172,7 @@ def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
     progress.show(f"writing to {out} ...")
     write_json(out / "metrics.json", result)
     flights = [line for run in result["runs"] for line in markdown_flight(run)]
-    text = markdown_tables(result["runs"]) + "\n".join(flights)
+    text = "\n".join([markdown_tables(result["runs"]), *flights, *_failures(done)])
     write_text(out / "tables.md", text)
     runs = {
         f"{d.entry.scenario}/{d.entry.plant}/{d.entry.controller}": d.trajectory
@@ -179,7 +180,7 @@ def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
     }
     origin = done[0].entry.loop.scenario.origin
     write_trajectories(out / "trajectories.nc", runs, result["provenance"], origin)
-    figures = 0
+    figures: list[Path] = []
     for scenario in dict.fromkeys(d.entry.scenario for d in done):
         progress.show(f"drawing {scenario} ...")
         group = [d for d in done if d.entry.scenario == scenario]
@@ -187,11 +188,23 @@ def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
         folder = out / "figures" / _file_name(scenario)
         one = group[0].entry
         title = f"{one.scenario} on {one.plant}"
-        figures += len(
-            save_all(folder, one.loop.scenario, labelled, ("png",), None, title)
-        )
+        figures += save_all(folder, one.loop.scenario, labelled, ("png",), None, title)
+    write_html(out / "report.html", text, result["provenance"], figures)
     progress.clear()
-    note(f"{out}: metrics.json, tables.md, trajectories.nc and {figures} figures.")
+    note(
+        f"{out}: metrics.json, tables.md, trajectories.nc and {len(figures)} figures, "
+        "all in report.html too."
+    )
+
+
+def _failures(done: list[FinishedRun]) -> list[str]:
+    """A section on the runs that failed, if any did."""
+    lines = []
+    for one in done:
+        if one.failure is not None:
+            lines.append(f"\n## {one.entry.scenario}, {one.entry.controller}: why\n")
+            lines += [f"- {line}" for line in one.failure.lines()]
+    return lines
 
 
 def _label(controller: str) -> str:

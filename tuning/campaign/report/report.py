@@ -24,6 +24,7 @@ from tuning.campaign.report.specified_section import specified_section
 from tuning.campaign.report.text import LINES, brackets, in_interval, short
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.rows import Rows, unit
+from tuning.reporting.html import write_html
 from tuning.reporting.tables import (
     OUTSIDE,
     RMS_COMMAND,
@@ -38,7 +39,7 @@ _TOP = 8
 def write_campaign_report(
     folder: Path, campaign: Campaign, table: Rows, summary: CampaignSummary
 ) -> None:
-    """Write report.md and its figures.
+    """Write report.md, its figures, and report.html, which has all of it.
 
     Args:
         folder: folder of the campaign.
@@ -53,7 +54,9 @@ def write_campaign_report(
     parts += [*_compared(summary), *_failed(summary), *_driven(summary)]
     parts += blamed(summary)
     parts += [_picture(name) for name in names]
-    write_text(folder / "report.md", "\n".join(parts) + "\n")
+    text = "\n".join(parts) + "\n"
+    write_text(folder / "report.md", text)
+    write_html(folder / "report.html", text, summary.provenance)
 
 
 def _head(summary: CampaignSummary) -> str:

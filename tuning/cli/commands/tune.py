@@ -38,7 +38,8 @@ def tune(options: argparse.Namespace) -> int:
     mission = None if options.config is None else str(options.config)
     content = result.save(options.out, command=sys.argv[1:], mission=mission)
     note(
-        f"{folder_name(options.out)}: gains.toml, history.csv, tune.json and report.md."
+        f"{folder_name(options.out)}: gains.toml, history.csv, tune.json, report.md "
+        "and report.html."
     )
     text = text_report(content, gains=options.verbose)
     print_result(content, text, as_json=options.json)

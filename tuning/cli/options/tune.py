@@ -128,6 +128,12 @@ def add_check(commands: Any) -> None:
         action="store_true",
         help="differences only; no comparison of horizons and smoothing widths",
     )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="write gradients.json and report.html there; nothing by default",
+    )
     add_output(parser)
 
 
