@@ -262,7 +262,7 @@ def test_debug_raises_what_was_refused_on_either_side_of_the_command():
 def test_init_writes_the_template_and_never_overwrites_unasked(call, tmp_path):
     code, out, err = call("init", "deep/own.toml")
     assert (code, err) == (0, "")
-    assert "jaxglider simulate --config deep/own.toml" in out
+    assert "jaxglider simulate deep/own.toml" in out
     file = tmp_path / "deep" / "own.toml"
     assert file.read_text() == TEMPLATE()
     file.write_text("mine")
@@ -340,8 +340,10 @@ def test_a_word_that_is_none_is_no_file_either(call, tmp_path):
 def test_validate_says_what_would_be_run(call):
     code, out, err = call("validate", "mission.toml")
     assert code == 0
-    assert err.count("\n") == 1
-    assert "the paper's (vehicle: SeaWing" in err
+    first, short, unsettled = err.splitlines()
+    assert "the paper's (vehicle: SeaWing" in first
+    assert "warning: the run ends at 20 s: 3 of 4 segments, from 200 s on" in short
+    assert "a segment lasts 20 s, less than errors are given to settle" in unsettled
     assert out == "mission.toml is valid: bay, fxtppc, 400 ticks of 0.05 s.\n"
 
 

@@ -7,7 +7,6 @@ from typing import Any
 from tuning.cli.options.arguments import (
     CONTROLLERS,
     OWN_LAW,
-    PAPER_CONTROLLERS,
     PLANTS,
     SCENARIOS,
     add_actuators,
@@ -15,6 +14,7 @@ from tuning.cli.options.arguments import (
     add_dt,
     add_duration,
     add_mission,
+    add_overwrite,
     count,
     law,
     mission_file,
@@ -74,22 +74,18 @@ def _version() -> str:
 
 
 def _add_compare(commands: Any) -> None:
-    text = "run the paper's cases, all controllers under the same sea"
+    text = "run the paper's cases or a mission, all controllers under the same sea"
     parser = commands.add_parser("compare", help=text, description=text + ".")
-    parser.add_argument(
-        "--scenario", choices=(*SCENARIOS, "all"), default="all", help="default: all"
-    )
-    parser.add_argument(
-        "--plant", choices=PLANTS, default="printed", help="default: printed"
-    )
+    add_mission(parser, "a mission instead of the paper's cases")
+    parser.add_argument("--scenario", choices=(*SCENARIOS, "all"), help="default: all")
+    parser.add_argument("--plant", choices=PLANTS, help="default: printed")
     parser.add_argument(
         "--controllers",
         nargs="+",
         type=law,
-        default=list(PAPER_CONTROLLERS),
         metavar="NAME",
         help=f"any of {', '.join(CONTROLLERS)}, or {OWN_LAW}; default: the paper's "
-        "three",
+        "three, or the mission's own",
     )
     parser.add_argument(
         "--gains",
@@ -102,6 +98,7 @@ def _add_compare(commands: Any) -> None:
     add_actuators(parser)
     add_duration(parser)
     add_dt(parser)
+    add_overwrite(parser)
     add_common(parser, "results/compare")
 
 
@@ -134,6 +131,7 @@ def _add_simulate(commands: Any) -> None:
         f"{', '.join(CONTROLLERS)}, or {OWN_LAW}",
     )
     add_controller_binary(parser, steered)
+    add_overwrite(parser)
     add_common(parser, "results/simulate")
 
 

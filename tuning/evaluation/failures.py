@@ -78,7 +78,7 @@ def command_that_shows(options: argparse.Namespace, run: dict[str, Any]) -> str:
         run: summary of the run.
     """
     duration = f"--duration {math.ceil(run['failure']['time_s']) + 1}"
-    if options.command == "compare":
+    if options.command == "compare" and options.config is None:
         words = [
             *("jaxglider compare --scenario", run["scenario"]),
             *("--plant", run["plant"], "--controllers", run["controller"].split()[0]),
@@ -90,8 +90,9 @@ def command_that_shows(options: argparse.Namespace, run: dict[str, Any]) -> str:
             words += ["--gains", *map(shlex.quote, options.gains)]
     else:
         words = ["jaxglider simulate", shlex.quote(str(options.config))]
-        if options.seed is not None:
+        if getattr(options, "seed", None) is not None:
             words += ["--seed", str(options.seed)]
-        if options.controller is not None:
-            words += ["--controller", shlex.quote(options.controller)]
+        law = run["controller"].split()[0]
+        if options.command == "compare" or options.controller is not None:
+            words += ["--controller", shlex.quote(law)]
     return " ".join([*words, duration, "--out", f"{options.out}-failed"])

@@ -214,11 +214,11 @@ def _times(scenario: Scenario) -> Iterator[str]:
         return
     end = scenario.clock.ticks * float(scenario.clock.dt)
     starts = np.asarray(schedule.start, np.float64)
-    late = starts[starts >= end]
-    if late.size:
+    after = starts[starts >= end]
+    if after.size:
         yield (
-            f"the run ends at {end:.4g} s: {late.size} of {starts.size} segments, from "
-            f"{late[0]:.4g} s on, are never flown. See clock.duration_s."
+            f"the run ends at {end:.4g} s: {after.size} of {starts.size} segments, "
+            f"from {after[0]:.4g} s on, are never flown. See clock.duration_s."
         )
     flown = np.append(starts[starts < end], end)
     shortest = float(np.diff(flown).min())
@@ -226,11 +226,11 @@ def _times(scenario: Scenario) -> Iterator[str]:
     if specification is None:
         return
     times = specification.required_settling()
-    for channel in CHANNELS:
-        time = getattr(times, channel)
-        if time is not None and float(time) > shortest:
-            yield (
-                f"a segment lasts {shortest:.4g} s, and the {channel} error has "
-                f"{float(time):.4g} s to settle: it never has to. See "
-                "reference.schedule.start_s, clock.duration_s and [specification]."
-            )
+    known = {c: getattr(times, c) for c in CHANNELS if getattr(times, c) is not None}
+    late = [f"{c} {float(t):.4g} s" for c, t in known.items() if float(t) > shortest]
+    if late:
+        yield (
+            f"a segment lasts {shortest:.4g} s, less than errors are given to settle "
+            f"({', '.join(late)}): they never have to. See reference.schedule.start_s, "
+            "clock.duration_s and [specification]."
+        )

@@ -111,10 +111,13 @@ def _quantile(estimate: dict[str, Any]) -> str:
 
 
 def brackets(interval: list[Any] | None) -> str:
-    """An interval; a question mark where the members are too few for an end."""
+    """An interval; in words where the members are too few for one end or both."""
     if interval is None:
         return ""
-    return "[" + ", ".join("?" if x is None else f"{x:.3g}" for x in interval) + "]"
+    if all(x is None for x in interval):
+        return "[too few members]"
+    ends = ("no bound" if x is None else f"{x:.3g}" for x in interval)
+    return f"[{', '.join(ends)}]"
 
 
 def short(value: float | None) -> str:

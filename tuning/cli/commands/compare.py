@@ -1,25 +1,55 @@
 """The command that compares controllers in the paper's cases under one sea."""
 
 import argparse
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from jaxglider import paper
+from jaxglider.files.mission import load_mission
+from tuning.cli.options.arguments import PAPER_CONTROLLERS
+from tuning.cli.session.from_options import refuse_beside_mission
 from tuning.evaluation.runs import PlannedRun, report_runs, run_all
-from tuning.problem.case import DT
-from tuning.problem.gain_sets import PAPER, read_files, resolve
+from tuning.problem.case import DT, FlightCase
+from tuning.problem.gain_sets import MISSION, PAPER, read_files, resolve
 from tuning.reporting.console import note
+from tuning.reporting.output_folder import keep_other_results
 
 
 def compare(options: argparse.Namespace) -> int:
-    """`jaxglider compare`: the paper's cases under the same sea."""
-    scenarios = paper.SCENARIOS if options.scenario == "all" else (options.scenario,)
+    """`jaxglider compare`: the paper's cases, or a mission, under the same sea."""
+    keep_other_results(
+        options.out / "metrics.json", sys.argv[1:], overwrite=options.overwrite
+    )
+    if options.config is not None:
+        return _compare_on_mission(options)
+    options.plant = options.plant or "printed"
+    scenarios = (options.scenario,)
+    if options.scenario in (None, "all"):
+        scenarios = paper.SCENARIOS
     files = read_files(options.gains)
     entries = [e for s in scenarios for e in _paper_entries(options, s, files)]
     for path, tables in files.items():
         _note_origin(path, tables, scenarios, options.plant)
     done, interrupted = run_all(entries, seed=0)
     return report_runs(options, done, interrupted, seed=0)
+
+
+def _compare_on_mission(options: argparse.Namespace) -> int:
+    """Some laws on one mission: its own, and those asked for with their first gains."""
+    refuse_beside_mission(options)
+    mission = load_mission(options.config)
+    if mission.stand_ins:
+        note(mission.stand_ins)
+    case = FlightCase.of_mission(mission, options.duration)
+    words = [MISSION, *([PAPER] if options.controllers else []), *options.gains]
+    sets = case.resolve(words, options.controllers or [])
+    entries = [
+        PlannedRun(mission.name, mission.plant, one.label, case.loop(one)[1], False)
+        for one in sets
+    ]
+    done, interrupted = run_all(entries, seed=mission.seed)
+    return report_runs(options, done, interrupted, seed=mission.seed)
 
 
 def _note_origin(
@@ -46,7 +76,7 @@ def _paper_entries(
     model = paper.design_model(setting.plant)
     sets = resolve(
         [PAPER, *options.gains],
-        options.controllers,
+        options.controllers or PAPER_CONTROLLERS,
         scenario,
         options.plant,
         files=files,

@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import PAPER
 from tuning.reporting.console import note
 from tuning.reporting.exit_codes import RUN_FAILED
+from tuning.reporting.output_folder import keep_other_results
 
 
 def simulate_mission(options: argparse.Namespace) -> int:
@@ -36,6 +38,9 @@ def simulate_mission(options: argparse.Namespace) -> int:
             "a mission file is required: MISSION or --config FILE. `jaxglider init` "
             "writes one to start from, `jaxglider missions` lists some that fly."
         )
+    keep_other_results(
+        options.out / "metrics.json", sys.argv[1:], overwrite=options.overwrite
+    )
     mission = load_mission(options.config)
     if mission.stand_ins:
         note(mission.stand_ins)

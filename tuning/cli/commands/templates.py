@@ -30,7 +30,7 @@ def init(options: argparse.Namespace) -> int:
         write_text(path, template())
     except OSError as error:
         raise OSError(f"{path} cannot be written: {reason(error)}.") from error
-    use = "tune --uncertainty" if options.uncertainty else "simulate --config"
+    use = "tune --uncertainty" if options.uncertainty else "simulate"
     sys.stdout.write(f"{path} written. Edit it, then: jaxglider {use} {path}\n")
     return OK
 

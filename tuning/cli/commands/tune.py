@@ -17,12 +17,15 @@ from tuning.cli.session.from_options import (
 from tuning.evaluation.report import text_report
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
-from tuning.reporting.output_folder import folder_name
+from tuning.reporting.output_folder import folder_name, keep_other_results
 from tuning.search.rescue import CannotStart
 
 
 def tune(options: argparse.Namespace) -> int:
     """`jaxglider tune`: gradient descent through the rollout."""
+    keep_other_results(
+        options.out / "tune.json", sys.argv[1:], overwrite=options.overwrite
+    )
     try:
         result = solve(
             problem_spec(options),

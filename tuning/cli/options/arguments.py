@@ -232,6 +232,15 @@ def add_common(parser: argparse.ArgumentParser, out: str) -> None:
     )
 
 
+def add_overwrite(parser: argparse.ArgumentParser) -> None:
+    """Leave to replace what another command has written."""
+    parser.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="replace the results of another command in --out",
+    )
+
+
 def add_output(parser: argparse.ArgumentParser) -> None:
     """Precision, and how the result is printed."""
     parser.add_argument(

@@ -11,6 +11,7 @@ from tuning.cli.options.arguments import (
     add_common,
     add_controller,
     add_output,
+    add_overwrite,
     at_least_four,
     below_one,
     count,
@@ -37,6 +38,7 @@ def add_tune(commands: Any) -> None:
     parser.add_argument(
         "--resume", action="store_true", help="go on from the checkpoint in --out"
     )
+    add_overwrite(parser)
     parser.add_argument(
         "--verbose",
         action="store_true",
