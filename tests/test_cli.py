@@ -43,7 +43,7 @@ duration_s = 20.0
 type = "paper"
 """
 OUTSIDE = MISSION + "[initial_state]\ndepth_m = 3.0\n"
-BURST = MISSION + "[initial_state]\nsurge_m_s = 1e160\n"
+BURST = MISSION + "[initial_state]\nsurge_m_s = 20.0\n"
 CHANNELS = {"depth", "pitch", "heading"}
 MEASURES = {
     "max_error",
@@ -262,7 +262,7 @@ def test_debug_raises_what_was_refused_on_either_side_of_the_command():
 def test_init_writes_the_template_and_never_overwrites_unasked(call, tmp_path):
     code, out, err = call("init", "deep/own.toml")
     assert (code, err) == (0, "")
-    assert "jaxglider simulate --config deep/own.toml" in out
+    assert "jaxglider simulate deep/own.toml" in out
     file = tmp_path / "deep" / "own.toml"
     assert file.read_text() == TEMPLATE()
     file.write_text("mine")
@@ -365,8 +365,10 @@ def test_a_word_that_is_none_is_no_file_either(call, tmp_path):
 def test_validate_says_what_would_be_run(call):
     code, out, err = call("validate", "mission.toml")
     assert code == 0
-    assert err.count("\n") == 1
-    assert "the paper's (vehicle: SeaWing" in err
+    first, short, unsettled = err.splitlines()
+    assert "the paper's (vehicle: SeaWing" in first
+    assert "warning: the run ends at 20 s: 3 of 4 segments, from 200 s on" in short
+    assert "a segment lasts 20 s, less than errors are given to settle" in unsettled
     assert out == "mission.toml is valid: bay, fxtppc, 400 ticks of 0.05 s.\n"
 
 
@@ -459,14 +461,28 @@ def test_a_run_that_becomes_infinite_exits_with_1_and_null(call, tmp_path):
     (tmp_path / "burst.toml").write_text(BURST)
     code, out, err = call("simulate", "--config", "burst.toml", "--json")
     assert code == 1
-    assert "bay, fxtppc: the run became non-finite." in err
+    told = (
+        "bay, fxtppc: failed at 0.05 s: the glider starts at 20 m/s through the water"
+    )
+    assert told in err
+    assert "jaxglider simulate burst.toml --duration 2" in err
     (run,) = json.loads(out, parse_constant=pytest.fail)["runs"]
     assert run["finite"] is False
     assert None in run["channels"]["depth"].values()
-    assert (tmp_path / "results" / "simulate" / "trajectories.nc").exists()
+    assert run["failure"]["quantity"] == "surge"
+    with netCDF4.Dataset(tmp_path / "results" / "simulate" / "trajectories.nc") as file:
+        assert file["surge"][0].tolist() == [20.0]
     code, out, err = call("simulate", "--config", "burst.toml")
     assert code == 1
-    assert "FAILED: not finite" in out
+    assert "FAILED at 0.05 s" in out
+
+
+def test_a_start_that_is_not_finite_is_found_before_the_flight(call, monkeypatch):
+    monkeypatch.delattr(tuning.cli.commands.simulate, "run_all")
+    (Path() / "lost.toml").write_text(MISSION + "[initial_state]\nsurge_m_s = 1e160\n")
+    code, out, err = call("simulate", "lost.toml")
+    assert (code, out) == (1, "")
+    assert "the run cannot start: the law's command of buoyancy mass is" in err
 
 
 def test_a_reader_who_has_gone_does_not_cost_the_results(monkeypatch, tmp_path):

@@ -10,6 +10,7 @@ import pytest
 
 from jaxglider import Channels, Specification, paper
 from jaxglider.control.fxtppc import reaching_law
+from jaxglider.simulation.checks.law_rates import fastest_rate
 from jaxglider.simulation.metrics import ChannelMetrics
 from tuning.reporting.ledger import (
     TITLES,
@@ -22,7 +23,7 @@ from tuning.reporting.ledger import (
 )
 from tuning.reporting.statistics import clopper_pearson
 from tuning.reporting.violations import broken, violations
-from tuning.reporting.witness import assess, fastest_rate
+from tuning.reporting.witness import assess
 from tuning.space.edges import in_observer_set
 
 CHANNELS = ("depth", "pitch", "heading")

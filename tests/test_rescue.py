@@ -12,6 +12,7 @@ from tuning.problem.objective import DEFAULT_COST_SCALE
 from tuning.search.rescue import (
     DRAWS_PER_GENERATION,
     MOST_GENERATIONS,
+    MOST_HOPELESS,
     PROMISING_COST,
     is_lost,
     promising_gains,
@@ -50,7 +51,7 @@ def test_a_start_is_lost_where_no_objective_is_worth_a_descent(objectives, lost)
 def test_a_start_that_fails_gives_way_to_a_better_one(start):
     """Gains far too high and far too low are both brought back."""
     told = []
-    free, spent, said = promising_gains(
+    free, spent, said, tried = promising_gains(
         task(island),
         jnp.asarray([start, 4.0]),
         FAILED_COST * DEFAULT_COST_SCALE,
@@ -58,6 +59,7 @@ def test_a_start_that_fails_gives_way_to_a_better_one(start):
         told.append,
     )
     assert float(island(free)) < PROMISING_COST * DEFAULT_COST_SCALE
+    assert tried == ()
     failed = FAILED_COST * DEFAULT_COST_SCALE
     assert f"members go astray with the starting gains (objective {failed:.3g})" in said
     assert f"({float(island(free)):.3g})" in said
@@ -66,13 +68,15 @@ def test_a_start_that_fails_gives_way_to_a_better_one(start):
     assert spent == MEMBERS * (1 + DRAWS_PER_GENERATION * (len(told) - 1))
 
 
-def test_where_all_fail_it_is_said_and_the_start_kept():
-    free, spent, said = promising_gains(
+def test_where_all_fail_it_is_said_and_the_best_three_are_told():
+    free, spent, said, tried = promising_gains(
         task(lambda x: jnp.sum(x) * jnp.nan),
         jnp.asarray([1.0, 2.0]),
         FAILED_COST * DEFAULT_COST_SCALE,
         0,
     )
     np.testing.assert_array_equal(free, [1.0, 2.0])
-    assert f"with {DRAWS_PER_GENERATION * MOST_GENERATIONS} others around them" in said
-    assert spent == MEMBERS * (1 + DRAWS_PER_GENERATION * MOST_GENERATIONS)
+    assert f"with {DRAWS_PER_GENERATION * MOST_HOPELESS} others around them" in said
+    assert len(tried) == 3
+    assert [one.loss for one in tried] == sorted(one.loss for one in tried)
+    assert spent == MEMBERS * (1 + DRAWS_PER_GENERATION * MOST_HOPELESS)

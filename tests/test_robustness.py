@@ -30,7 +30,9 @@ def test_a_figure_that_roundings_decide_is_marked_with_its_interval():
     assert found.not_reproducible == ("nominal.heading",)
     assert found.roundings["nominal"]["heading"] == [0.08, 0.298]
     (remark,) = found.remarks()
-    assert remark.startswith("not reproducible: heading L2[e], nominal case, is 0.08")
+    assert remark.startswith(
+        "not reproducible: heading rms error, nominal case, is 0.08"
+    )
     assert "0.298 rad from starts 1e-10 m apart" in remark
 
 

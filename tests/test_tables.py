@@ -3,7 +3,14 @@
 import pytest
 
 from jaxglider import paper
-from tuning.reporting.tables import CAVEAT, figure, markdown_tables, outcome, text_table
+from tuning.reporting.tables import (
+    CAVEAT,
+    UNSETTLED,
+    figure,
+    markdown_tables,
+    outcome,
+    text_table,
+)
 
 ROWS = ("transient", "average_tracking", "average_effort", "chattering")
 CHANNELS = ("depth", "pitch", "heading")
@@ -142,31 +149,36 @@ def test_markdown_lays_each_run_beside_its_printed_column():
     assert CAVEAT in text
     titles = ["smc paper", "smc here", "fxtppc paper", "fxtppc here"]
     assert _cells(text, "channel", "measure") == titles
-    assert _cells(text, "depth [m]", "max abs(e)") == [
+    assert _cells(text, "depth [m]", "largest error") == [
         "0.3502",
         "0.5000",
         "0.2273",
         "0.7000",
     ]
-    assert _cells(text, "heading [rad]", "L2[e]") == [
+    assert _cells(text, "heading [rad]", "rms error") == [
         "11.6699",
         "2.5200",
         "0.1966",
         "2.7200",
     ]
-    assert _cells(text, "pitch [rad]", "L2[dU]") == [
+    assert _cells(text, "pitch [rad]", "rms command step") == [
         "5.07e-05",
         "1.5400",
         "4.00e-06",
         "1.7400",
     ]
-    assert _cells(text, "pitch [rad]", "max error settled") == [
+    assert _cells(text, "pitch [rad]", "largest error once settled") == [
         "-",
         "1.5100",
         "-",
         "1.7100",
     ]
-    assert _cells(text, "pitch", "time saturated") == ["-", "1.5700", "-", "1.7700"]
+    assert _cells(text, "pitch", "share of time saturated") == [
+        "-",
+        "1.5700",
+        "-",
+        "1.7700",
+    ]
 
 
 def test_each_case_has_a_table_of_its_own():
@@ -185,7 +197,7 @@ def test_tuned_gains_have_no_printed_column():
     text = markdown_tables([_run(), _run(controller="fxtppc (gains)")])
     titles = ["smc paper", "smc here", "fxtppc (gains) here"]
     assert _cells(text, "channel", "measure") == titles
-    assert len(_cells(text, "depth [m]", "L2[e]")) == 3
+    assert len(_cells(text, "depth [m]", "rms error")) == 3
 
 
 def test_a_users_mission_is_not_compared_even_if_named_like_a_case():
@@ -201,13 +213,22 @@ def test_the_terminal_table_has_a_line_for_each_channel_and_run():
     text = text_table([_run(), _run(controller="ppc", base=0.6)])
     lines = [line.split() for line in text.splitlines()]
     assert lines[0] == ["switching", "on", "printed"]
-    assert lines[1][-2:] == ["paper", "L2[e]"]
+    assert lines[1][-5:] == ["share", "of", "time", "rms", "error"]
+    assert lines[2][-4:] == ["outside", "in", "the", "paper"]
     measures = [f"0.5{n}00" for n in range(7)]
-    assert lines[2] == ["depth", "[m]", "smc", *measures, "0.0995"]
-    assert lines[7][:3] == ["heading", "[rad]", "ppc"]
-    assert lines[7][-1] == "0.1977"
-    assert lines[8] == ["smc:", "800.0", "s,", "max", "roll", "0.75", "rad"]
-    assert len({len(line) for line in text.splitlines()[1:8]}) == 1
+    assert lines[3] == ["depth", "[m]", "smc", *measures, "0.0995"]
+    assert lines[8][:3] == ["heading", "[rad]", "ppc"]
+    assert lines[8][-1] == "0.1977"
+    assert lines[9] == ["smc:", "800.0", "s,", "max", "roll", "0.75", "rad"]
+    assert len({len(line) for line in text.splitlines()[2:9]}) == 1
+
+
+def test_a_dash_in_the_column_of_settled_errors_is_explained():
+    run = _run()
+    assert UNSETTLED not in text_table([run])
+    run["channels"]["depth"]["max_error_settled"] = None
+    assert text_table([run]).endswith(UNSETTLED)
+    assert UNSETTLED in markdown_tables([run])
 
 
 @pytest.mark.parametrize(

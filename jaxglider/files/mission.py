@@ -149,6 +149,7 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     law = _law(top.get("controller", {}), model, case, prescribed.funnel, folder)
     start = top.table("initial_state")
     origin = read_origin(start)
+    water = read_water(top.table("water"), vehicle)
     parts = (
         read_clock(top.table("clock")),
         plant,
@@ -159,9 +160,8 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
         read_reference(
             task, law.guidance or paper.guidance(), origin, vehicle.fin is None
         ),
-        read_initial_state(start, origin),
+        read_initial_state(start, origin, water),
     )
-    water = read_water(top.table("water"), vehicle)
     bottom = top.get("seabed", None)
     seabed = read_seabed(None if bottom is None else top.table("seabed"))
     energy = read_energy(top.table("energy"), vehicle.energy)

@@ -9,9 +9,11 @@ import math
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from jaxglider import paper
+from jaxglider.core import rotations
 from jaxglider.core.toml import (
     ConfigError,
     TomlTable,
@@ -60,6 +62,7 @@ STATE_UNITS = {
     **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), ("deg_s", math.pi / 180)),
 }
 """Unit at the end of the key of each state, and its factor to SI."""
+_LINEAR = ("surge", "sway", "heave")
 
 
 def _built(make: Any, path: str, *args: Any, **kwargs: Any) -> Any:
@@ -161,12 +164,33 @@ def read_origin(start: TomlTable) -> Origin:
     return Origin.at_start(north, east)
 
 
-def read_initial_state(table: TomlTable, origin: Origin) -> GliderState:
-    """State at the start; angles in degrees in the file."""
+def read_initial_state(
+    table: TomlTable, origin: Origin, water: Water | None = None
+) -> GliderState:
+    """State at the start; angles in degrees in the file.
+
+    Velocities are over ground, or through the water where the key says so.
+
+    Args:
+        table: table to read.
+        origin: place that positions count from.
+        water: water that may carry the glider.
+    """
+    drifting = [f"{name}_through_water_m_s" for name in _LINEAR]
+    relative = {key: table.get(key, None) for key in drifting}
     values = {
         name: scale * table.number(f"{name}_{unit}", 0.0)
         for name, (unit, scale) in STATE_UNITS.items()
     }
+    given = [key for key, value in relative.items() if value is not None]
+    for name, key in zip(_LINEAR, drifting, strict=True):
+        if given and table.get(f"{name}_m_s", None) is not None:
+            raise ConfigError(
+                f"{table.where(name)}_m_s is over ground and does not go with "
+                f"{table.where(given[0])}: give all three one way or the other."
+            )
+        if given:
+            values[name] = table.number(key, 0.0)
     values["north"] -= origin.north
     values["east"] -= origin.east
     table.close()
@@ -175,7 +199,22 @@ def read_initial_state(table: TomlTable, origin: Origin) -> GliderState:
             "initial_state.pitch_deg must be in (-90, 90); "
             f"received {table.number('pitch_deg'):g}."
         )
-    return GliderState(**values)
+    state = GliderState(**values)
+    return _carried(state, water) if given else state
+
+
+def _carried(state: GliderState, water: Water | None) -> GliderState:
+    """The state over ground of a glider whose velocity is through the water."""
+    if water is None or water.current is None:
+        return state
+    zero = jnp.zeros_like(state.depth)
+    north, east = water.current.velocity(state.depth, zero)
+    drift = rotations.ned_to_body(state.attitude(), north, east, zero)
+    moved = {
+        name: getattr(state, name) + part
+        for name, part in zip(_LINEAR, drift, strict=True)
+    }
+    return dataclasses.replace(state, **moved)
 
 
 def read_disturbance(tables: list[TomlTable]) -> AbstractDisturbance:

@@ -9,6 +9,7 @@ are thinned for drawing, their extremes kept.
 from jaxglider.plotting.commands import commands as commands
 from jaxglider.plotting.comparison import errors as errors
 from jaxglider.plotting.comparison import tracking as tracking
+from jaxglider.plotting.path import depth_over_distance as depth_over_distance
 from jaxglider.plotting.path import path_3d as path_3d
 from jaxglider.plotting.path import path_plan as path_plan
 from jaxglider.plotting.performance import (

@@ -10,6 +10,7 @@ from jaxglider.plotting.lines import UNITS
 from jaxglider.plotting.series import (
     active_ticks,
     break_jumps,
+    continuous_degrees,
     curve,
     degrees,
     drawable,
@@ -81,18 +82,16 @@ def flight(axes: Any, run: Trajectory, actuators: Command[Actuator]) -> Any:
 
 def _attitude(panels: Any, ticks: Any, hours: np.ndarray) -> None:
     """Pitch and heading, and what is wanted of them."""
-    pairs = (
-        ("pitch (deg)", degrees, "pitch"),
-        ("heading (deg)", wrapped_degrees, "heading"),
-    )
-    for axis, (title, unit, name) in zip(panels, pairs, strict=True):
-        for column, style in (
-            (ticks.state, {}),
-            (ticks.reference, {"ls": (0, (4, 2))}),
-        ):
-            colour = INK if style else "#0072B2"
-            line = break_jumps(hours, unit(getattr(column, name)), 180.0)
-            axis.plot(*line, color=colour, lw=0.8, **style)
+    course = continuous_degrees(ticks.reference.heading)
+    rows = {
+        "pitch (deg)": (degrees(ticks.state.pitch), degrees(ticks.reference.pitch)),
+        # Near its reference, so that no line jumps at half a turn.
+        "heading (deg)": (course + wrapped_degrees(ticks.error.heading), course),
+    }
+    for axis, (title, (reached, wanted)) in zip(panels, rows.items(), strict=True):
+        line = break_jumps(hours, reached, 180.0)
+        axis.plot(*line, color="#0072B2", lw=0.8)
+        axis.plot(hours, wanted, color=INK, lw=0.8, ls=(0, (4, 2)))
         axis.set_ylabel(title)
 
 

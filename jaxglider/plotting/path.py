@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from jaxglider.guidance import WaypointPath
 from jaxglider.plotting.lines import run_handles
-from jaxglider.plotting.series import active_ticks, drawable, keep_extremes
+from jaxglider.plotting.series import active_ticks, curve, drawable, keep_extremes
 from jaxglider.plotting.style import FAINT, INK, Style, legend_above, styles
 from jaxglider.simulation.origin import Origin
 from jaxglider.simulation.rollout import Trajectory
@@ -80,6 +80,38 @@ def path_3d(
     axes.invert_zaxis()
     _scale(axes)
     legend_above(axes, _handles(look, None))
+    return axes
+
+
+def depth_over_distance(axes: Axes, runs: Mapping[str, Trajectory]) -> Axes:
+    """Depth, downward, against the way over ground.
+
+    Args:
+        axes: axes to draw on.
+        runs: label to trajectory.
+    """
+    look = styles(runs)
+    longest = 0.0
+    for label, style in look.items():
+        state = active_ticks(runs[label]).state
+        north, east = drawable(state.north), drawable(state.east)
+        steps = np.hypot(np.diff(north), np.diff(east))
+        way = np.concatenate([np.zeros(min(len(north), 1)), np.cumsum(steps)])
+        longest = max(longest, float(np.nanmax(way, initial=0.0)))
+        curve(
+            axes,
+            way,
+            drawable(state.depth),
+            color=style.colour,
+            ls=style.dashes,
+            label=label,
+        )
+    if longest > 0.0:
+        axes.set_xlim(0.0, longest)
+    axes.invert_yaxis()
+    axes.set_xlabel("way over ground (m)")
+    axes.set_ylabel("depth Z (m)")
+    legend_above(axes, run_handles(look))
     return axes
 
 

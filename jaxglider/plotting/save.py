@@ -21,7 +21,12 @@ from jaxglider.guidance.routes import route_of
 from jaxglider.plotting.commands import commands
 from jaxglider.plotting.comparison import errors, tracking
 from jaxglider.plotting.flight import energy, flight
-from jaxglider.plotting.path import on_the_map, path_3d, path_plan
+from jaxglider.plotting.path import (
+    depth_over_distance,
+    on_the_map,
+    path_3d,
+    path_plan,
+)
 from jaxglider.plotting.performance import performance_functions, settling_time
 from jaxglider.plotting.series import active_ticks
 from jaxglider.plotting.style import COLUMN, PAGE, look, new_figure, styles
@@ -44,6 +49,7 @@ def figures(
     scenario: Scenario,
     runs: Mapping[str, Trajectory],
     functions: Mapping[str, AbstractPerformanceFunction] | None = None,
+    title: str = "",
 ) -> Iterator[tuple[str, Figure]]:
     """Name and figure, one at a time, sized for a journal.
 
@@ -51,12 +57,22 @@ def figures(
         scenario: scenario of all the runs.
         runs: label to trajectory.
         functions: performance functions to compare; the published forms by default.
+        title: name of what was flown, such as case and plant; stands above figures.
     """
     runs = {label: scenario.origin.on_the_map(run) for label, run in runs.items()}
     for name, build in _builders(scenario, runs, functions).items():
         with look():
             figure = build()
+            _entitle(figure, title, runs if name != "performance_functions" else {})
         yield name, figure
+
+
+def _entitle(figure: Figure, title: str, runs: Mapping[str, Trajectory]) -> None:
+    """Put case, plant and law above a figure; several laws are told by its legend."""
+    if not title or not runs:
+        return
+    law = figure.get_suptitle() or (next(iter(runs)) if len(runs) == 1 else "")
+    figure.suptitle(f"{title}, {law}" if law else title)
 
 
 def save_all(
@@ -65,6 +81,7 @@ def save_all(
     runs: Mapping[str, Trajectory],
     formats: Sequence[str] = ("png",),
     functions: Mapping[str, AbstractPerformanceFunction] | None = None,
+    title: str = "",
 ) -> list[Path]:
     """Write every figure; a file appears under its name only when it is complete.
 
@@ -74,6 +91,7 @@ def save_all(
         runs: label to trajectory.
         formats: file endings that Matplotlib knows.
         functions: performance functions to compare; the published forms by default.
+        title: name of what was flown, such as case and plant; stands above figures.
 
     Returns:
         The files written.
@@ -81,7 +99,7 @@ def save_all(
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     written = []
-    for name, figure in figures(scenario, runs, functions):
+    for name, figure in figures(scenario, runs, functions, title):
         for ending in formats:
             written.append(save(figure, place / f"{name}.{ending}"))
         figure.clear()
@@ -126,6 +144,7 @@ def _builders(
         ),
         "path_3d": lambda: _in_space(runs, path),
         "path_plan": lambda: _from_above(runs, path),
+        "depth_over_distance": lambda: _along(runs),
     }
     for label, style in styles(runs).items():
         if not has_data(runs[label]):
@@ -142,7 +161,9 @@ def _builders(
                 _flight, label, runs[label], scenario
             )
         if scenario.energy is not None:
-            builders[_free(f"energy_{name}", builders)] = partial(_energy, runs[label])
+            builders[_free(f"energy_{name}", builders)] = partial(
+                _energy, label, runs[label]
+            )
     return builders
 
 
@@ -193,6 +214,7 @@ def _from_above(runs: Mapping[str, Trajectory], path: WaypointPath | None) -> Fi
 
 def _estimate(label: str, run: Trajectory, colour: str) -> Figure:
     figure = new_figure(PAGE, 3.8)
+    figure.suptitle(label)
     axes = figure.subplots(2, 3, sharex=True)
     disturbance_estimate(axes, run, label, colour)
     figure.align_ylabels()
@@ -207,8 +229,15 @@ def _flight(label: str, run: Trajectory, scenario: Scenario) -> Figure:
     return figure
 
 
-def _energy(run: Trajectory) -> Figure:
+def _along(runs: Mapping[str, Trajectory]) -> Figure:
+    figure = new_figure(COLUMN, 2.4)
+    depth_over_distance(figure.subplots(), runs)
+    return figure
+
+
+def _energy(label: str, run: Trajectory) -> Figure:
     figure = new_figure(COLUMN, 3.2)
+    figure.suptitle(label)
     energy(figure.subplots(), run)
     return figure
 

@@ -41,10 +41,16 @@ def wrapped_degrees(angle: Any) -> np.ndarray:
 
 
 def continuous_degrees(angle: Any) -> np.ndarray:
-    """An angle [deg] from radians without jumps of whole turns, started as it is."""
+    """An angle [deg] from radians without jumps of whole turns.
+
+    It begins in [−180, 180) deg.
+    """
     turned = degrees(angle)
     known = np.isfinite(turned)
     turned[known] = np.unwrap(turned[known], period=360.0)
+    if known.any():
+        first = turned[known][0]
+        turned -= first - (np.mod(first + 180.0, 360.0) - 180.0)
     return turned
 
 

@@ -95,6 +95,7 @@ def styles(labels: Iterable[str]) -> dict[str, Style]:
     Args:
         labels: names of the runs; the others take the remaining styles in their order.
     """
+    labels = list(labels)
     chosen: dict[str, Style] = {}
     others = 0
     for label in labels:
@@ -102,7 +103,8 @@ def styles(labels: Iterable[str]) -> dict[str, Style]:
         if own is None:
             own = _OTHERS[others % len(_OTHERS)]
             others += 1
-        chosen[label] = own
+        # A run by itself has no other to be told from by its dashes.
+        chosen[label] = own if len(labels) > 1 else own._replace(dashes="-")
     return chosen
 
 

@@ -6,7 +6,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from jaxglider.plotting.series import active_ticks, curve, degrees, drawable, end_time
+from jaxglider.plotting.series import (
+    active_ticks,
+    continuous_degrees,
+    curve,
+    degrees,
+    drawable,
+    end_time,
+)
 from jaxglider.plotting.style import (
     INK,
     flat,
@@ -96,7 +103,7 @@ def _sheet(ticks: TickRecord) -> dict[str, np.ndarray]:
         "depth Z (m)": drawable(s.depth),
         "roll φ (deg)": degrees(s.roll),
         "pitch θ (deg)": degrees(s.pitch),
-        "heading ψ (deg)": degrees(s.heading),
+        "heading ψ (deg)": continuous_degrees(s.heading),
         "surge u (m/s)": surge,
         "sway v (m/s)": sway,
         "heave w (m/s)": heave,

@@ -41,6 +41,9 @@ def _run(arguments: list[str] | None) -> int:
     if options.command is None:
         top.print_help()
         return USAGE
+    if not options.debug:
+        # What XLA says of itself while it compiles helps nobody who flies gliders.
+        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
     try:
         with _output(options):
             return int(_COMMANDS[options.command](options))

@@ -7,14 +7,15 @@ from typing import Any
 from tuning.cli.options.arguments import (
     CONTROLLERS,
     OWN_LAW,
-    PAPER_CONTROLLERS,
     PLANTS,
     SCENARIOS,
     Laws,
     add_actuators,
     add_common,
     add_dt,
+    add_duration,
     add_mission,
+    add_overwrite,
     count,
     law,
     law_or_all,
@@ -76,24 +77,19 @@ def _version() -> str:
 
 
 def _add_compare(commands: Any) -> None:
-    text = "run the paper's cases, or a mission, all controllers under the same sea"
+    text = "run the paper's cases or a mission, all controllers under the same sea"
     parser = commands.add_parser("compare", help=text, description=text + ".")
-    add_mission(parser, "a mission of your own instead of the paper's cases")
-    parser.add_argument(
-        "--scenario", choices=(*SCENARIOS, "all"), default="all", help="default: all"
-    )
-    parser.add_argument(
-        "--plant", choices=PLANTS, default="printed", help="default: printed"
-    )
+    add_mission(parser, "a mission instead of the paper's cases")
+    parser.add_argument("--scenario", choices=(*SCENARIOS, "all"), help="default: all")
+    parser.add_argument("--plant", choices=PLANTS, help="default: printed")
     parser.add_argument(
         "--controllers",
         nargs="+",
         type=law_or_all,
         action=Laws,
-        default=list(PAPER_CONTROLLERS),
         metavar="NAME",
         help=f"any of {', '.join(CONTROLLERS)}, or {OWN_LAW}; `all` for all of these "
-        "but the last; default: the paper's three",
+        "but the last; default: the paper's three, or the mission's own",
     )
     parser.add_argument(
         "--gains",
@@ -104,7 +100,9 @@ def _add_compare(commands: Any) -> None:
         "controller; `tuned`: those that come with jaxglider for this case",
     )
     add_actuators(parser)
+    add_duration(parser)
     add_dt(parser)
+    add_overwrite(parser)
     add_common(parser, "results/compare")
 
 
@@ -141,6 +139,7 @@ def _add_simulate(commands: Any) -> None:
     parser.add_argument(
         "--seed", type=seed, metavar="N", help="of the sea, instead of the file's"
     )
+    add_duration(parser)
     parser.add_argument(
         "--keep-every",
         type=count,
@@ -162,6 +161,7 @@ def _add_simulate(commands: Any) -> None:
         f"{', '.join(CONTROLLERS)}, or {OWN_LAW}",
     )
     add_controller_binary(parser, steered)
+    add_overwrite(parser)
     add_common(parser, "results/simulate")
 
 
@@ -187,7 +187,10 @@ def _add_init(commands: Any) -> None:
 def _add_validate(commands: Any) -> None:
     text = "check a mission file without running it"
     parser = commands.add_parser("validate", help=text, description=text + ".")
-    parser.add_argument("path", type=mission_file, metavar="FILE")
+    parser.add_argument("path", type=mission_file, metavar="MISSION")
+    parser.add_argument(
+        "--strict", action="store_true", help="take every warning for an error"
+    )
 
 
 def _add_cache(commands: Any) -> None:

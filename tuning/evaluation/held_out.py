@@ -17,15 +17,16 @@ from tuning.problem.members import nominal_member
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.ledger import Entry, ledger, with_smoothing
 from tuning.reporting.statistics import student_half_width
+from tuning.reporting.tables import RMS_COMMAND, RMS_ERROR, RMS_STEP
 from tuning.reporting.violations import broken, violations
 
 MEASURES = {
-    "rms_error": "L2[e]",
-    "rms_effort": "L2[U]",
-    "chattering": "L2[dU]",
+    "rms_error": RMS_ERROR,
+    "rms_effort": RMS_COMMAND,
+    "chattering": RMS_STEP,
     "travel": "travel",
 }
-"""Measures of a channel that are compared, and their symbols."""
+"""Measures of a channel that are compared, and their names in tables."""
 
 
 @dataclasses.dataclass(frozen=True)

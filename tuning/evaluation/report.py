@@ -23,6 +23,7 @@ from tuning.evaluation.sections import (
 )
 from tuning.evaluation.settling_table import settling_table
 from tuning.problem.problem import TuningProblem
+from tuning.reporting.html import write_html
 from tuning.reporting.ledger import text_ledger
 from tuning.reporting.tables import figure, outcome
 from tuning.search.settings import Step
@@ -31,8 +32,25 @@ _HELD_OUT = "The figures are of test members that neither descent nor choice has
 _SAME = "The figures are of the one case tuned on: nothing is held out."
 
 
-def text_report(result: dict[str, Any]) -> str:
-    """The result as a table for a terminal."""
+def text_report(result: dict[str, Any], *, gains: bool = False) -> str:
+    """The result for a terminal: what was seen, and the verdict at its end.
+
+    Args:
+        result: content of tune.json.
+        gains: whether to list the tuned numbers too; the gains file has them.
+    """
+    lines = list(text_ledger(result["ledger"]["after"]))
+    lines += [f"nominal {n}: {outcome(run)}" for n, run in result["nominal"].items()]
+    if gains:
+        lines += [
+            f"{name:<42}{gain['before']:>12.5g} -> {gain['after']:<12.5g}"
+            for name, gain in result["gains"].items()
+        ]
+    return "\n".join([*lines, "", *_verdict(result)])
+
+
+def _verdict(result: dict[str, Any]) -> list[str]:
+    """The comparison on members held out, line by line."""
     members = result["members"]
     lines = [
         f"{result['controller']}, {result['scenario']} on {result['plant']}: "
@@ -54,18 +72,12 @@ def text_report(result: dict[str, Any]) -> str:
         lines.append(f"{f'{channel} [{unit}]':<16}{cells}")
     for name, counts in result["counts"].items():
         lines.append(
-            f"{name:>7}: {counts['outside_funnel']} left a funnel, "
+            f"{name:>7}: {counts['outside_funnel']} left a specified funnel, "
             f"{counts['capsized']} rolled past 90 deg, "
             f"{_unfinished(counts)}{counts['not_finite']} failed, "
             f"{counts['broken']['any']} broke the specification"
         )
-    lines += text_ledger(result["ledger"]["after"])
-    lines += [f"nominal {n}: {outcome(run)}" for n, run in result["nominal"].items()]
-    lines += [
-        f"{name:<42}{gain['before']:>12.5g} -> {gain['after']:<12.5g}"
-        for name, gain in result["gains"].items()
-    ]
-    return "\n".join(lines)
+    return lines
 
 
 def _unfinished(counts: dict[str, int]) -> str:
@@ -113,7 +125,7 @@ def write_tuning_report(
     tuned: ClosedLoop,
     runs: dict[str, Trajectory],
 ) -> None:
-    """Write report.md and its figures.
+    """Write report.md, its figures, and report.html, which has all of it.
 
     Args:
         out: folder to write to.
@@ -133,7 +145,9 @@ def write_tuning_report(
             with replacing(out / name) as temporary:
                 figure.savefig(temporary, dpi=150)
     settling = settling_table(tuned, runs)
-    write_text(out / "report.md", _markdown(result, settling))
+    text = _markdown(result, settling)
+    write_text(out / "report.md", text)
+    write_html(out / "report.html", text, result.get("provenance", {}))
 
 
 def objective_figure(history: list[Step]) -> Figure:

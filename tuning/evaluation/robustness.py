@@ -31,8 +31,8 @@ TICK_SPREAD = 0.5
 class Robustness:
     """Figures at other ticks and from other roundings.
 
-    A figure is the L2[e] of a channel, of the nominal case or the mean of the held-out
-    members that stayed finite; None where there is none.
+    A figure is the rms error of a channel, of the nominal case or the mean of the
+    held-out members that stayed finite; None where there is none.
 
     Attributes:
         ticks: figures at each tick [s] by its text, then `nominal` or `held_out`, then
@@ -55,8 +55,9 @@ class Robustness:
             part, channel = name.split(".")
             low, high = self.roundings[part][channel] or (np.nan, np.nan)
             lines.append(
-                f"not reproducible: {channel} L2[e], {_WORDS[part]}, is {low:.3g} to "
-                f"{high:.3g} {CHANNEL_UNITS[channel]} from starts {APART:g} m apart."
+                f"not reproducible: {channel} rms error, {_WORDS[part]}, is "
+                f"{low:.3g} to {high:.3g} {CHANNEL_UNITS[channel]} from starts "
+                f"{APART:g} m apart."
             )
         for name in self.tick_dependent:
             part, channel = name.split(".")
@@ -65,7 +66,8 @@ class Robustness:
                 for tick, of in self.ticks.items()
             )
             lines.append(
-                f"depends on the tick: {channel} L2[e], {_WORDS[part]}, is {figures}."
+                f"depends on the tick: {channel} rms error, {_WORDS[part]}, is "
+                f"{figures}."
             )
         return lines
 

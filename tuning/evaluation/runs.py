@@ -15,13 +15,16 @@ from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import provenance, write_json, write_text
 from jaxglider.guidance.phases import STATUS_TEXTS, STATUSES
 from jaxglider.plotting import save_all
+from jaxglider.simulation.checks.failure import Failure
 from jaxglider.simulation.checks.stability import glides_of, loop_modes, statement
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.flight import halves
 from jaxglider.simulation.rollout import Trajectory, simulate
+from tuning.evaluation.failures import command_that_shows, until_failure
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
 from tuning.reporting.flights import markdown_flight, text_flight
+from tuning.reporting.html import write_html
 from tuning.reporting.tables import markdown_tables, text_table
 
 
@@ -38,10 +41,11 @@ class PlannedRun:
 
 @dataclasses.dataclass(frozen=True)
 class FinishedRun:
-    """One run made, its trajectory on the host."""
+    """One run made: its trajectory on the host, cut where it failed, and why."""
 
     entry: PlannedRun
     trajectory: Trajectory
+    failure: Failure | None = None
 
     def summary(self) -> dict[str, Any]:
         """Entry of the run in metrics.json."""
@@ -55,6 +59,7 @@ class FinishedRun:
                 has_waypoints=self.entry.loop.scenario.reference.waypoints is not None,
             ),
             **self._flight(),
+            **({"failure": self.failure.to_dict()} if self.failure else {}),
         }
 
     def _flight(self) -> dict[str, Any]:
@@ -89,7 +94,10 @@ def run_all(
                 "compiling and running ..."
             )
             sea = entry.loop.scenario.sea(jax.random.key(seed))
-            done.append(FinishedRun(entry, jax.device_get(run(entry.loop, sea))))
+            flown = jax.device_get(run(entry.loop, sea))
+            done.append(
+                FinishedRun(entry, *until_failure(entry.loop, sea, flown, keep_every))
+            )
     except KeyboardInterrupt:
         return done, True
     finally:
@@ -129,11 +137,11 @@ def report_runs(
         group = [s for s in summaries if (s["scenario"], s["plant"]) == key]
         tables.append(text_table(group) + "\n")
         tables += [text + "\n" for text in map(text_flight, group) if text]
-    print_result(result, "\n".join(tables), as_json=options.json)
     _write(options.out, done, result)
-    failed = [s for s in summaries if not s["finite"]]
-    for run in failed:
-        note(f"{run['scenario']}, {run['controller']}: the run became non-finite.")
+    print_result(result, "\n".join(tables), as_json=options.json)
+    failed = [(d, s) for d, s in zip(done, summaries, strict=True) if d.failure]
+    for one, run in failed:
+        _note_failure(options, one, run)
     missed = [s for s in summaries if s.get("status", "completed") != "completed"]
     for run in missed:
         text = STATUS_TEXTS[STATUSES.index(run["status"])]
@@ -143,12 +151,28 @@ def report_runs(
     return RUN_FAILED if failed or missed else OK
 
 
+def _note_failure(
+    options: argparse.Namespace, one: FinishedRun, run: dict[str, Any]
+) -> None:
+    """Say why a run failed: the cause first, then what was seen and how to see it."""
+    if one.failure is None:
+        return
+    first, *more = one.failure.lines()
+    note(f"{run['scenario']}, {run['controller']}: {first}")
+    for line in more:
+        note(f"  {line}")
+    note(
+        f"  figures and trajectories.nc hold every tick until then. To see it: "
+        f"{command_that_shows(options, run)}"
+    )
+
+
 def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
     progress = Progress()
     progress.show(f"writing to {out} ...")
     write_json(out / "metrics.json", result)
     flights = [line for run in result["runs"] for line in markdown_flight(run)]
-    text = markdown_tables(result["runs"]) + "\n".join(flights)
+    text = "\n".join([markdown_tables(result["runs"]), *flights, *_failures(done)])
     write_text(out / "tables.md", text)
     runs = {
         f"{d.entry.scenario}/{d.entry.plant}/{d.entry.controller}": d.trajectory
@@ -156,15 +180,31 @@ def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
     }
     origin = done[0].entry.loop.scenario.origin
     write_trajectories(out / "trajectories.nc", runs, result["provenance"], origin)
-    figures = 0
+    figures: list[Path] = []
     for scenario in dict.fromkeys(d.entry.scenario for d in done):
         progress.show(f"drawing {scenario} ...")
         group = [d for d in done if d.entry.scenario == scenario]
         labelled = {_label(d.entry.controller): d.trajectory for d in group}
         folder = out / "figures" / _file_name(scenario)
-        figures += len(save_all(folder, group[0].entry.loop.scenario, labelled))
+        one = group[0].entry
+        title = f"{one.scenario} on {one.plant}"
+        figures += save_all(folder, one.loop.scenario, labelled, ("png",), None, title)
+    write_html(out / "report.html", text, result["provenance"], figures)
     progress.clear()
-    note(f"{out}: metrics.json, tables.md, trajectories.nc and {figures} figures.")
+    note(
+        f"{out}: metrics.json, tables.md, trajectories.nc and {len(figures)} figures, "
+        "all in report.html too."
+    )
+
+
+def _failures(done: list[FinishedRun]) -> list[str]:
+    """A section on the runs that failed, if any did."""
+    lines = []
+    for one in done:
+        if one.failure is not None:
+            lines.append(f"\n## {one.entry.scenario}, {one.entry.controller}: why\n")
+            lines += [f"- {line}" for line in one.failure.lines()]
+    return lines
 
 
 def _label(controller: str) -> str:

@@ -40,7 +40,7 @@ def robust_section(robustness: dict[str, Any] | None) -> list[str]:
         ]
         cells = ["-" if x is None else f"{x[0]:.4g} to {x[1]:.4g}" for x in spans]
         rows.append([f"{channel} [{unit}]", *cells, "roundings"])
-    head = ["L2[e]", "nominal", "held out, mean", "tick [s]"]
+    head = ["rms error", "nominal", "held out, mean", "tick [s]"]
     return ["\n## At other ticks, and over roundings\n", *markdown_table(head, rows, 1)]
 
 

@@ -39,24 +39,39 @@ _NO_FUNNEL, _LATE = 0.2, 1e9
 [s]."""
 
 
-def baseline_metrics(spec: ProblemSpec, loop: ClosedLoop) -> Metrics:
+def nominal_metrics(loop: ClosedLoop) -> Metrics:
+    """The nominal run of a closed loop.
+
+    Args:
+        loop: closed loop of the problem, in the scenario of the ensemble.
+    """
+    member = jax.tree.map(lambda x: x[0], nominal_member(loop))
+    found: Metrics = _evaluate(*with_member(loop, member))
+    return found
+
+
+_evaluate = jax.jit(evaluate)
+
+
+def baseline_metrics(
+    spec: ProblemSpec, loop: ClosedLoop, start: Metrics | None = None
+) -> Metrics:
     """The nominal run with the starting gains, or with the paper's if that fails.
 
     Args:
         spec: description of the problem.
         loop: closed loop of the problem, in the scenario of the ensemble.
+        start: nominal run with the starting gains, where it is known.
 
     Raises:
         ValueError: it is over before its first tick.
     """
-    run = jax.jit(evaluate)
-    member = jax.tree.map(lambda x: x[0], nominal_member(loop))
-    baseline: Metrics = run(*with_member(loop, member))
+    baseline = nominal_metrics(loop) if start is None else start
     own = spec.controller not in FAMILIES[AbstractController]
     if not bool(baseline.finite) and not own:
         (gains,) = spec.case.resolve([PAPER], [spec.controller])
         paper = dataclasses.replace(spec.case.loop(gains)[1], scenario=loop.scenario)
-        baseline = run(*with_member(paper, member))
+        baseline = nominal_metrics(paper)
     if not float(baseline.end_time) > 0.0:
         raise ValueError(
             "nothing to tune: the last waypoint is reached where the glider starts. "

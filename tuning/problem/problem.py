@@ -12,7 +12,7 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.rollout import evaluate, sparse_checkpoints
 from jaxglider.uncertainty.members import Member, with_member
-from tuning.problem.baseline import baseline_metrics
+from tuning.problem.baseline import baseline_metrics, nominal_metrics
 from tuning.problem.lanes import losses, member_count
 from tuning.problem.members import (
     TEST,
@@ -43,6 +43,7 @@ class TuningProblem:
         validation: members to choose by.
         test: members for the verdict alone.
         cost_scale: cost of a run like the start; see `Objective.cost_scale`.
+        starts_lost: whether the nominal run fails or rolls over at the start.
     """
 
     spec: ProblemSpec
@@ -53,6 +54,7 @@ class TuningProblem:
     validation: Member
     test: Member
     cost_scale: float
+    starts_lost: bool = False
 
     @classmethod
     def of(cls, spec: ProblemSpec) -> "TuningProblem":
@@ -73,8 +75,9 @@ class TuningProblem:
                 return nominal_member(loop)
             return sample_members(uncertainty, ensemble.seed, kind, count)
 
+        start = nominal_metrics(loop)
         objective = Objective(
-            baseline_metrics(spec, loop),
+            baseline_metrics(spec, loop, start),
             spec.weights.limited(loop.scenario.specification),
             spec.cost,
         )
@@ -87,6 +90,7 @@ class TuningProblem:
             validation=draw(VALIDATION, ensemble.validation),
             test=draw(TEST, ensemble.test),
             cost_scale=objective.cost_scale(),
+            starts_lost=not bool(start.finite) or bool(start.capsized),
         )
 
     def loss(self, free: Any, member: Member) -> Any:

@@ -3,19 +3,33 @@
 import json
 import os
 import sys
+import threading
+import time
+import weakref
 from pathlib import Path
 from typing import Any
 
 from jaxglider.core.toml import reason
 from jaxglider.files.writing import replacing
 
+PATIENCE, MINUTE = 5.0, 60.0
+"""Time [s] after which a line says how long it has been there, and between lines where
+standard error is no terminal."""
+
 
 class Progress:
-    """One line that is written over; silent where standard error is no terminal."""
+    """One line that is written over; where standard error is no terminal, one a minute.
+
+    A thread goes on telling how long the same line has been there, so that a compiler
+    that is busy for minutes is not taken for one that hangs.
+    """
 
     def __init__(self) -> None:
         self._shown = 0
         self._live = sys.stderr.isatty()
+        self._text, self._since = "", 0.0
+        self._lock = threading.Lock()
+        self._over: threading.Event | None = None
 
     def show(self, text: str, at: int | None = None, total: int | None = None) -> None:
         """Replace the line.
@@ -25,17 +39,57 @@ class Progress:
             at: amount of work done, for a bar; the line says it itself.
             total: amount of work in all.
         """
-        if self._live:
-            sys.stderr.write("\r" + text.ljust(self._shown))
-            sys.stderr.flush()
-            self._shown = len(text)
+        with self._lock:
+            self._text, self._since = text, time.monotonic()
+            if self._live:
+                self._write(text)
+            if self._over is None:
+                self._over = threading.Event()
+                about = weakref.ref(self), self._over, 1.0 if self._live else MINUTE
+                threading.Thread(target=_watch, args=about, daemon=True).start()
 
     def clear(self) -> None:
         """Remove the line."""
-        if self._live and self._shown:
-            sys.stderr.write("\r" + " " * self._shown + "\r")
-            sys.stderr.flush()
-            self._shown = 0
+        with self._lock:
+            if self._over is not None:
+                self._over.set()
+                self._over = None
+            if self._live and self._shown:
+                sys.stderr.write("\r" + " " * self._shown + "\r")
+                sys.stderr.flush()
+                self._shown = 0
+
+    def say_again(self, over: threading.Event) -> None:
+        """Say again what is shown, and how long it has been there.
+
+        Args:
+            over: event that is set once nothing is shown any more.
+        """
+        with self._lock:
+            lasted, text = time.monotonic() - self._since, self._text
+            if over.is_set():
+                return
+            if lasted >= PATIENCE:
+                text = f"{text} {lasted:.0f} s"
+            if not self._live:
+                note(text)
+            elif lasted >= PATIENCE:
+                self._write(text)
+
+    def _write(self, text: str) -> None:
+        sys.stderr.write("\r" + text.ljust(self._shown))
+        sys.stderr.flush()
+        self._shown = len(text)
+
+
+def _watch(shown: "weakref.ref[Progress]", over: threading.Event, every: float) -> None:
+    """Say again now and then what is shown, until it is over or nobody has the line."""
+    while not over.wait(every):
+        progress = shown()
+        if progress is None:
+            return
+        progress.say_again(over)
+        del progress
 
 
 class SilentProgress(Progress):
@@ -43,6 +97,9 @@ class SilentProgress(Progress):
 
     def show(self, text: str, at: int | None = None, total: int | None = None) -> None:
         """Show nothing."""
+
+    def clear(self) -> None:
+        """Remove nothing."""
 
 
 class BarProgress(Progress):
@@ -63,7 +120,8 @@ class BarProgress(Progress):
         from tqdm.auto import tqdm
 
         if self._bar is None or self._bar.total != total:
-            self.clear()
+            if self._bar is not None:
+                self._bar.close()
             look = "{desc}" if total is None else "{bar:20} {desc}"
             in_notebook = tqdm.__module__.endswith("notebook")
             self._bar = tqdm(

@@ -22,11 +22,12 @@ import numpy as np
 from jaxglider.control import SMC
 from jaxglider.control.observer import FixedTimeObserver
 from jaxglider.signals import CHANNELS, map_fields
+from jaxglider.simulation.checks.law_rates import fastest_rate
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from tuning.reporting.statistics import LEVEL, probability
 from tuning.reporting.tables import markdown_table
-from tuning.reporting.witness import Witness, fastest_rate
+from tuning.reporting.witness import Witness
 
 SETTLED_SHARE = 0.1
 """Share of the largest disturbance that a settled observer may be off by."""

@@ -2,8 +2,10 @@
 
 import contextlib
 import fcntl
+import json
 import os
-from collections.abc import Iterator
+import shlex
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from tuning.reporting.console import check_writable, note
@@ -54,6 +56,44 @@ def writing_to(folder: Path) -> Iterator[None]:
         with contextlib.suppress(OSError):
             for path in new:
                 path.rmdir()
+
+
+_SAME_RESULT = ("--overwrite", "--resume", "--json", "--verbose", "--debug")
+"""Options that change nothing of what is written."""
+
+
+def keep_other_results(
+    path: Path, command: Sequence[str], *, overwrite: bool = False
+) -> None:
+    """Refuse to replace results that another command wrote.
+
+    The same command may write its results again.
+
+    Args:
+        path: JSON file of the results, with their provenance.
+        command: words of the command line that is about to write it.
+        overwrite: whether results of others may be replaced.
+
+    Raises:
+        ValueError: they are those of another command.
+    """
+    if overwrite or not path.is_file():
+        return
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        before = [str(word) for word in content["provenance"]["command"]]
+    except (OSError, ValueError, KeyError, TypeError):
+        before = ["?"]
+    if _result_of(before) != _result_of(command):
+        raise ValueError(
+            f"--out {folder_name(path.parent)} holds the results of another command, "
+            f"`jaxglider {shlex.join(before)}`: give another folder, or replace them "
+            "by --overwrite."
+        )
+
+
+def _result_of(command: Sequence[str]) -> list[str]:
+    return [word for word in command if word not in _SAME_RESULT]
 
 
 def _locked(folder: Path) -> int | None:

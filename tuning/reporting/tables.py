@@ -12,39 +12,53 @@ CAVEAT = (
     "above the actuator's limit of pi/2 and its SMC heading errors above pi: its units "
     "or windows are not those it defines, so read the columns side by side with care."
 )
+RMS_ERROR, RMS_COMMAND, RMS_STEP = "rms error", "rms command", "rms command step"
+"""Names of L2[e], L2[U] and L2[dU] in tables."""
+OUTSIDE = "share of time outside"
+"""Name of the share of the time that an error is outside the specification's funnel."""
 _PAPER_ROWS = {
-    "transient": ("max_error", "max abs(e)"),
-    "average_tracking": ("rms_error", "L2[e]"),
-    "average_effort": ("rms_effort", "L2[U]"),
-    "chattering": ("chattering", "L2[dU]"),
+    "transient": ("max_error", "largest error"),
+    "average_tracking": ("rms_error", RMS_ERROR),
+    "average_effort": ("rms_effort", RMS_COMMAND),
+    "chattering": ("chattering", RMS_STEP),
 }
 _OWN_ROWS = {
-    "max_error_settled": ("max_error_settled", "max error settled"),
+    "max_error_settled": ("max_error_settled", "largest error once settled"),
     "travel": ("travel", "travel"),
-    "time_outside_funnel": ("time_outside_funnel", "time outside funnel"),
-    "time_saturated": ("time_saturated", "time saturated"),
+    "time_outside_funnel": ("time_outside_funnel", OUTSIDE),
+    "time_saturated": ("time_saturated", "share of time saturated"),
 }
 _COLUMNS = {
-    "max_error": "max|e|",
-    "max_error_settled": "settled",
-    "rms_error": "L2[e]",
-    "rms_effort": "L2[U]",
-    "chattering": "chatter",
-    "travel": "travel",
-    "time_outside_funnel": "outside",
+    "max_error": ("largest", "error"),
+    "max_error_settled": ("once", "settled"),
+    "rms_error": ("rms", "error"),
+    "rms_effort": ("rms", "command"),
+    "chattering": ("rms command", "step"),
+    "travel": ("", "travel"),
+    "time_outside_funnel": ("share of time", "outside"),
 }
+"""Two lines of the title of each column."""
+UNSETTLED = (
+    "settled -: the specification's funnel never settled, for no segment lasted as "
+    "long as its settling time."
+)
 
 
 def text_table(runs: list[dict[str, Any]]) -> str:
     """Runs of one scenario and plant as text for a terminal."""
     first = runs[0]
     wide = max(10, *(len(r["controller"]) for r in runs)) + 2
-    head = "".join(f"{title:>10}" for title in _COLUMNS.values())
     compared = any(_is_printed(run) for run in runs)
+    titles = [*_COLUMNS.values(), *([_PRINTED] if compared else [])]
+    widths = [max(10, *(len(word) + 2 for word in pair)) for pair in titles]
+    above, below = (
+        "".join(f"{pair[n]:>{w}}" for pair, w in zip(titles, widths, strict=True))
+        for n in (0, 1)
+    )
     lines = [
         f"{first['scenario']} on {first['plant']}",
-        f"{'channel':<14}{'controller':<{wide}}{head}"
-        + (f"{'paper L2[e]':>13}" if compared else ""),
+        f"{'':<14}{'':<{wide}}{above}",
+        f"{'channel':<14}{'controller':<{wide}}{below}",
     ]
     for channel, unit in CHANNEL_UNITS.items():
         for run in runs:
@@ -52,14 +66,30 @@ def text_table(runs: list[dict[str, Any]]) -> str:
             if channel == "depth" and "halves" in run:
                 continue
             measures = run["channels"][channel]
-            cells = "".join(f"{figure(measures[k]):>10}" for k in _COLUMNS)
+            values = [measures[key] for key in _COLUMNS]
             if compared:
-                cells += f"{figure(_printed(run, channel, 'average_tracking')):>13}"
+                values.append(_printed(run, channel, "average_tracking"))
+            cells = "".join(
+                f"{figure(x):>{w}}" for x, w in zip(values, widths, strict=True)
+            )
             lines.append(
                 f"{f'{channel} [{unit}]':<14}{run['controller']:<{wide}}{cells}"
             )
     lines += [f"{r['controller']:>{wide}}: {outcome(r)}" for r in runs]
-    return "\n".join(lines)
+    return "\n".join([*lines, *_explained(runs)])
+
+
+_PRINTED = ("rms error", "in the paper")
+
+
+def _explained(runs: list[dict[str, Any]]) -> list[str]:
+    """A line on dashes in the column of settled errors, where there are any."""
+    missing = any(
+        run["finite"] and channel["max_error_settled"] is None
+        for run in runs
+        for channel in run["channels"].values()
+    )
+    return [UNSETTLED] if missing else []
 
 
 def outcome(run: dict[str, Any]) -> str:
@@ -72,7 +102,9 @@ def outcome(run: dict[str, Any]) -> str:
     words.append(f"max roll {turned}")
     if "status" in run:
         words.append(run["status"])
-    if not run["finite"]:
+    if run.get("failure"):
+        words.append(f"FAILED at {run['failure']['time_s']:.6g} s")
+    elif not run["finite"]:
         words.append("FAILED: not finite")
     elif run["capsized"]:
         words.append("ROLLED OVER" if roll and roll > 3.15 else "rolled past 90 deg")
@@ -88,6 +120,7 @@ def markdown_tables(runs: list[dict[str, Any]]) -> str:
         group = [r for r in runs if (r["scenario"], r["plant"]) == (scenario, plant)]
         parts += [f"\n## {scenario} on {plant}\n", *_markdown_group(group), ""]
         parts += [f"- {r['controller']}: {outcome(r)}" for r in group]
+        parts += [f"- {text}" for text in _explained(group)]
     return "\n".join(parts) + "\n"
 
 

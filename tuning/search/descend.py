@@ -18,7 +18,13 @@ from tuning.problem.problem import TuningProblem
 from tuning.reporting.console import Progress, note
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descent import Descent
-from tuning.search.rescue import is_lost, promising_gains
+from tuning.search.rescue import (
+    CannotStart,
+    cannot_start,
+    is_lost,
+    promising_gains,
+    why_lost,
+)
 from tuning.search.settings import DescentSettings, State, Step
 
 T = TypeVar("T")
@@ -66,6 +72,7 @@ def descend(
 
     Raises:
         FloatingPointError: the objective is not finite at any start.
+        CannotStart: no gains that a search tried keep the gliders.
         ValueError: the checkpoint cannot be gone on with.
     """
     descent, state, remarks = _start(problem, settings, progress, resume, check)
@@ -130,8 +137,20 @@ def _start(
     resume: bool,
     check: bool,
 ) -> tuple[Descent, State, tuple[str, ...]]:
-    """A descent at its start, or at a better one if this is lost; and remarks."""
+    """A descent at its start, or at a better one if this is lost; and remarks.
+
+    What is lost on the nominal case is looked at before the gradient is compiled.
+    """
     given = problem.space.read(problem.loop)
+    found: list[str] = []
+    if not resume and problem.starts_lost:
+        progress.show("the starting gains lose the glider; looking why ...")
+        why, of_the_task = why_lost(problem)
+        if of_the_task:
+            progress.clear()
+            raise CannotStart(f"nothing to tune: {why} No gains can mend that.")
+        progress.show("the starting gains lose the glider; compiling a search ...")
+        given = _rescued(problem, given, None, settings, progress, found)
     checking = beside(_gradient_remark, problem, given) if check else None
     progress.show(f"compiling the gradient{', checking it' if check else ''} ...")
     descent = Descent(
@@ -146,14 +165,36 @@ def _start(
     )
     state = descent.start(given)
     remarks = [checking.result()] if checking else []
-    if not resume and is_lost(state.current.loss, problem.cost_scale):
-        rescue = promising_gains(
-            problem, given, float(state.current.loss[0]), settings.seed, progress.show
+    if not resume and not found and is_lost(state.current.loss, problem.cost_scale):
+        objective = float(state.current.loss[0])
+        state = descent.start(
+            _rescued(problem, given, objective, settings, progress, found)
         )
-        remarks.append(rescue.remark)
-        state = descent.start(rescue.free)
     progress.clear()
-    return descent, state, tuple(remarks)
+    return descent, state, (*remarks, *found)
+
+
+def _rescued(
+    problem: TuningProblem,
+    given: Series,
+    objective: float | None,
+    settings: DescentSettings,
+    progress: Progress,
+    remarks: list[str],
+) -> Series:
+    """Free numbers to descend from, found by a search; what it says is a remark.
+
+    Raises:
+        CannotStart: the search came to nothing.
+    """
+    rescue = promising_gains(problem, given, objective, settings.seed, progress.show)
+    if rescue.tried:
+        progress.show("looking why the gliders are lost ...")
+        error = cannot_start(problem, rescue)
+        progress.clear()
+        raise error
+    remarks.extend([rescue.remark] if rescue.remark else [])
+    return rescue.free
 
 
 def _line(step: Step, state: State, settings: DescentSettings, pace: float) -> str:

@@ -1,18 +1,23 @@
 """A start for gains that cannot be descended from: the best that a short search finds.
 
 Where many runs are lost, or turn where they should not, the gradients of these lead
-nowhere, but a few hundred draws tell which way the gliders fly.
+nowhere, but a few hundred draws tell which way the gliders fly. Where all of them are
+lost there is nothing to descend from, and the search says what it tried.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Series
-from tuning.problem.lanes import member_count
+from jaxglider.simulation.checks.failure import explain
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.rollout import simulate
+from tuning.problem.lanes import FAILED_COST, member_count
 from tuning.problem.problem import TuningProblem
-from tuning.search.evolution import cma_es
+from tuning.search.evolution import Generation, cma_es
 
 LOST_COST = 1.45
 """Objective from which a start is exchanged, in units of what a run like it costs on
@@ -24,6 +29,32 @@ PROMISING_COST = 1.25
 """Objective, in the same units, with which the search ends early: few runs, if any, are
 lost."""
 
+HOPELESS = 0.95
+"""Share of the objective of gains that lose every glider, from which on gains count as
+no better than these."""
+MOST_HOPELESS = 4
+"""Generations after which a search ends that has found no such gains."""
+SHOWN = 3
+"""Number of the best sets of gains that are told of a search that came to nothing."""
+
+
+class CannotStart(FloatingPointError):
+    """No gains that were tried keep the gliders: there is nothing to tune from.
+
+    Attributes:
+        tried: closed loops with the best gains that were tried, the best first.
+    """
+
+    def __init__(self, message: str, tried: Sequence[ClosedLoop] = ()) -> None:
+        """Keep the gains beside the message.
+
+        Args:
+            message: account of what was tried, and why it fails.
+            tried: closed loops with the best gains that were tried.
+        """
+        super().__init__(message)
+        self.tried = tuple(tried)
+
 
 class SearchResult(NamedTuple):
     """Result of the search.
@@ -31,12 +62,14 @@ class SearchResult(NamedTuple):
     Attributes:
         free: free numbers that are best.
         rollouts: number of rollouts spent.
-        remark: account of what was done, in words.
+        remark: account of what was done, in words; empty if nothing had to be.
+        tried: best sets of gains of a search that came to nothing, else none.
     """
 
     free: Series
     rollouts: int
     remark: str
+    tried: tuple[Generation, ...] = ()
 
 
 def is_lost(objectives: Series, cost_scale: float) -> bool:
@@ -47,7 +80,7 @@ def is_lost(objectives: Series, cost_scale: float) -> bool:
 def promising_gains(
     problem: TuningProblem,
     free: Series,
-    objective: float,
+    objective: float | None,
     seed: int,
     tell: Callable[[str], None] = lambda text: None,
 ) -> SearchResult:
@@ -58,12 +91,13 @@ def promising_gains(
     Args:
         problem: problem to solve.
         free: free numbers of the gains as given.
-        objective: objective of these gains.
+        objective: objective of these gains; None to find it.
         seed: seed of the draws.
         tell: function that is told how far the search is.
     """
-    run = problem.losses_on(problem.training)
+    run, scale = problem.losses_on(problem.training), problem.cost_scale
     members = member_count(problem.training)
+    lost = HOPELESS * FAILED_COST * scale
     budget = (1 + DRAWS_PER_GENERATION * MOST_GENERATIONS) * members
     generations = []
     search = cma_es(
@@ -78,21 +112,28 @@ def promising_gains(
     )
     for step in search:
         generations.append(step)
+        if step.number == 0 and not is_lost(jnp.asarray(step.loss), scale):
+            return SearchResult(free, step.rollouts, "")
         tell(
             f"members go astray with the starting gains; searching: generation "
             f"{step.number}/{MOST_GENERATIONS}  objective {step.loss:.3g}"
         )
-        if step.loss < PROMISING_COST * problem.cost_scale:
+        best = min(generations, key=lambda one: one.loss)
+        hopeless = step.number >= MOST_HOPELESS and not best.loss < lost
+        if step.loss < PROMISING_COST * scale or hopeless:
             break
-    given, best = generations[0].loss, min(generations, key=lambda step: step.loss)
-    spent = generations[-1].rollouts
-    if not best.loss < given:
+    given, spent = generations[0].loss, generations[-1].rollouts
+    if not best.loss < min(given, lost):
+        hopeless = not best.loss < lost
         return SearchResult(
             free,
             spent,
             f"members go astray with the starting gains (objective {given:.3g}), and "
-            f"with {DRAWS_PER_GENERATION * MOST_GENERATIONS} others around them; "
-            "descending all the same.",
+            f"with {DRAWS_PER_GENERATION * generations[-1].number} others around them"
+            + ("" if hopeless else "; descending all the same."),
+            tuple(sorted(generations[1:], key=lambda step: step.loss)[:SHOWN])
+            if hopeless
+            else (),
         )
     return SearchResult(
         best.free,
@@ -101,3 +142,54 @@ def promising_gains(
         f"descending from the best of a search of {best.number} "
         f"generation{'s' if best.number > 1 else ''} ({best.loss:.3g}).",
     )
+
+
+def cannot_start(problem: TuningProblem, search: SearchResult) -> CannotStart:
+    """The error of a search that came to nothing: why, and the best it tried.
+
+    Args:
+        problem: problem to solve.
+        search: result of the search.
+    """
+    failed, why = FAILED_COST * problem.cost_scale, why_lost(problem)[0]
+    loops = [problem.space.write(problem.loop, one.free) for one in search.tried]
+    before = problem.space.values(problem.loop)
+    lines = [
+        f"nothing to tune from: {search.remark}; {why}",
+        f"the best that was tried (where every glider is lost, it is {failed:.3g}):",
+    ]
+    for number, (one, loop) in enumerate(zip(search.tried, loops, strict=True), 1):
+        after = problem.space.values(loop)
+        moved = sorted(after, key=lambda name: -_change(before[name], after[name]))
+        changes = ", ".join(
+            f"{name} {before[name]:.3g} -> {after[name]:.3g}" for name in moved[:SHOWN]
+        )
+        lines.append(f"  {number}. objective {one.loss:.3g}: {changes}, ...")
+    lines.append(
+        "Start from gains that fly (--gains FILE), make the task easier, or shorten "
+        "the tick; `jaxglider simulate` or `compare` shows one flight."
+    )
+    return CannotStart("\n".join(lines), loops)
+
+
+def _change(before: float, after: float) -> float:
+    return abs(after - before) / (abs(before) + 1e-12)
+
+
+def why_lost(problem: TuningProblem) -> tuple[str, bool]:
+    """Why the nominal flight with the starting gains is lost, in a sentence.
+
+    And whether that is the task's fault, which no gains can mend.
+
+    Args:
+        problem: problem to solve.
+    """
+    loop = problem.loop
+    run = jax.device_get(jax.jit(simulate)(loop, loop.scenario.sea(jax.random.key(0))))
+    failure = explain(loop, run)
+    if failure is not None:
+        return f"the nominal flight {failure.lines()[0]}", failure.of_the_task
+    if bool(run.metrics.capsized):
+        return "the nominal flight rolls past 90 deg.", False
+    text = "the nominal flight survives, the members do not: try --uncertainty 0.05."
+    return text, False

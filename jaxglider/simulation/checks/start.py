@@ -1,28 +1,29 @@
 """Start and restarts: warnings before a run, and jumps where its funnels restart."""
 
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.control import tracking_error
-from jaxglider.control.prescribed.funnel import Limits
-from jaxglider.core.containers import Scalar
-from jaxglider.guidance import (
-    AbstractReference,
-    AttitudeSchedule,
-    Schedule,
-    WaypointPath,
-)
-from jaxglider.signals import CHANNELS, Channels, Measurement
+from jaxglider.guidance import AttitudeSchedule, WaypointPath
+from jaxglider.guidance.obedience import informed
+from jaxglider.signals import CHANNELS, BodyAxes, Channels, Measurement, zeros
+from jaxglider.simulation.checks.task import schedule_of, wanted_depths
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Scenario
 
 
 def start_warnings(loop: ClosedLoop) -> list[str]:
-    """Warnings: a course already over, errors beyond the funnel, depths in the air."""
-    error, limits, finished = jax.jit(_start)(loop)
+    """Warnings: a course already over, errors beyond the funnel, depths in the air.
+
+    Raises:
+        FloatingPointError: something is not finite at the start already.
+    """
+    error, limits, finished, numbers = jax.device_get(jax.jit(_start)(loop))
+    refuse_nonsense(numbers)
     if bool(finished):
         return [
             "nothing is flown: the last waypoint is reached where the glider starts. "
@@ -40,6 +41,33 @@ def start_warnings(loop: ClosedLoop) -> list[str]:
     return warnings
 
 
+def refuse_nonsense(numbers: dict[str, Any]) -> None:
+    """Refuse a start that has numbers which are not finite.
+
+    Args:
+        numbers: containers of numbers of the first tick, by what they are.
+
+    Raises:
+        FloatingPointError: names the first such number.
+    """
+    for what, container in numbers.items():
+        for name, value in vars(container).items():
+            if not np.all(np.isfinite(value)):
+                raise FloatingPointError(
+                    f"the run cannot start: {what} {name.replace('_', ' ')} is "
+                    f"{float(value):g} at 0 s. {_NONSENSE[what]}"
+                )
+
+
+_NONSENSE = {
+    "the error of": "Look at initial_state and at the reference.",
+    "the law's command of": "Look at its gains; in a law of your own, at divisions by "
+    "zero and roots of zero.",
+    "the rate of": "Look at initial_state and at vehicle.parameters: a speed that is "
+    "far too large, or a mass or an inertia that is far too small.",
+}
+
+
 def above_the_surface(scenario: Scenario) -> list[str]:
     """Start and wanted depths that are above the surface, where no glider flies."""
     found = []
@@ -49,16 +77,10 @@ def above_the_surface(scenario: Scenario) -> list[str]:
             f"the glider starts {-start:.4g} m above the surface; "
             "initial_state.depth_m is positive down."
         )
-    schedule = _schedule(scenario.reference)
+    schedule = schedule_of(scenario.reference)
     if schedule is None:
         return found
-    # Wanted depth is linear within a segment: the ends tell.
-    end = scenario.clock.ticks * float(scenario.clock.dt)
-    begun = np.asarray(schedule.start, np.float64)
-    times = np.append(begun[begun < end], end)
-    lengths, rates = np.diff(times), np.asarray(schedule.depth_rate, np.float64)
-    sunk = np.cumsum(lengths * rates[: len(lengths)])
-    depths = float(schedule.initial_depth) + np.append(0.0, sunk)
+    times, depths = wanted_depths(schedule, scenario)
     # Rounding of a yo that comes back to the surface is none.
     if depths.min() < -1e-3:
         found.append(
@@ -69,15 +91,11 @@ def above_the_surface(scenario: Scenario) -> list[str]:
     return found
 
 
-def _schedule(reference: AbstractReference) -> Schedule | None:
-    """The schedule that gives the depth, if one does."""
-    if isinstance(reference, AttitudeSchedule):
-        return reference.schedule
-    return reference.vertical if isinstance(reference, WaypointPath) else None
+def _start(loop: ClosedLoop) -> tuple[Any, ...]:
+    """Error and edges of the funnel in the first tick, and whether all is over.
 
-
-def _start(loop: ClosedLoop) -> tuple[Channels[Scalar], Channels[Limits], jax.Array]:
-    """Error and edges of the funnel in the first tick, and whether all is over."""
+    And the numbers that must be finite for there to be a second tick.
+    """
     scenario = loop.scenario
     state = scenario.initial_state
     planned = scenario.reference.plan(jnp.zeros_like(scenario.clock.dt)[None])
@@ -93,8 +111,22 @@ def _start(loop: ClosedLoop) -> tuple[Channels[Scalar], Channels[Limits], jax.Ar
         carry.reference, first, measurement, scenario.clock.dt
     )
     error, _ = tracking_error(measurement, reference)
-    limits = loop.controller.limits(loop.controller.bounds(reference.clock))
-    return error, limits, reference.finished
+    bounds = loop.controller.bounds(reference.clock)
+    wanted, _, _ = loop.controller.step(
+        carry.controller,
+        informed(measurement, reference),
+        reference,
+        bounds,
+        scenario.clock.dt,
+    )
+    numbers = {
+        "the error of": error,
+        "the law's command of": wanted,
+        "the rate of": scenario.plant.derivative(
+            state, carry.held, zeros(BodyAxes, state.surge)
+        ),
+    }
+    return error, loop.controller.limits(bounds), reference.finished, numbers
 
 
 def restart_jumps(scenario: Scenario) -> Channels[float]:

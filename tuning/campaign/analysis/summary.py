@@ -1,6 +1,7 @@
 """Summary of a campaign: probabilities, measures, comparisons as plain numbers."""
 
 import dataclasses
+import warnings
 from typing import Any
 
 import numpy as np
@@ -245,9 +246,24 @@ def comparisons(table: Rows) -> list[dict[str, Any]]:
 
 
 def severity(table: Rows, number: int) -> np.ndarray:
-    """The largest error over the edge of its funnel; infinite for failures."""
+    """The largest error over the edge of its funnel; infinite for failures.
+
+    With good gains it is the error that every member starts with. So its first digits
+    alone count, and what is below them is by the rms errors over their medians.
+    """
     peaks = [table.column(number, f"{channel}.funnel_peak") for channel in CHANNELS]
-    return np.maximum.reduce(peaks)
+    largest = np.maximum.reduce(peaks)
+    errors = np.stack([table.column(number, f"{c}.rms_error") for c in CHANNELS])
+    known = np.where(np.isfinite(errors) & np.isfinite(largest), errors, np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        median = np.nanmedian(known, axis=1, keepdims=True)
+    ratio = np.nan_to_num(np.mean(known / np.maximum(median, 1e-12), axis=0))
+    return np.round(largest / TIED) * TIED + TIED * ratio / (1.0 + ratio)
+
+
+TIED = 1e-3
+"""Difference of the largest errors over their edges from which on one is worse."""
 
 
 def ranked(table: Rows, number: int) -> list[int]:

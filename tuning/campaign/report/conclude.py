@@ -106,7 +106,7 @@ def write_conclusions(
     report: bool,
     progress: Progress | None = None,
 ) -> None:
-    """Write summary.json, members.nc and, if asked for, report.md with its figures.
+    """Write summary.json, members.nc and, if asked for, the report with its figures.
 
     Args:
         folder: folder of the campaign.
@@ -128,5 +128,5 @@ def write_conclusions(
         progress.show(f"drawing into {folder} ...")
         write_campaign_report(folder, campaign, Rows(rows, campaign.labels), summary)
     progress.clear()
-    pages = ", report.md and figures" if report else ""
+    pages = ", report.md, figures and report.html" if report else ""
     note(f"{folder}: {len(rows)} members; summary.json, members.nc{pages}.")

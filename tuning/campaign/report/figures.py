@@ -93,7 +93,7 @@ def convergence(axis: Axes, table: Rows) -> Axes:
             counts, left / counts, color=style.colour, ls=style.dashes, label=label
         )
     axis.set_xscale("log")
-    axis.set(xlabel="members", ylabel="P(left a funnel)", ylim=(-0.02, 1.02))
+    axis.set(xlabel="members", ylabel="P(left a specified funnel)", ylim=(-0.02, 1.02))
     axis.set_xlim(1, max(len(table), 2))
     legend_above(axis, axis.get_legend_handles_labels()[0])
     return axis
@@ -124,7 +124,7 @@ def distributions(axes: Any, table: Rows) -> Any:
                 label=label,
             )
         axis.set_xlim(0.0, None)
-        axis.set_xlabel(f"{channel} L2[e] ({unit})")
+        axis.set_xlabel(f"{channel} rms error ({unit})")
         axis.set_ylim(0.0, 1.0)
     panels[0].set_ylabel("share of members below")
     handles = panels[-1].get_legend_handles_labels()[0]
@@ -217,7 +217,9 @@ def levels(axis: Axes, summaries: Sequence[CampaignSummary]) -> Axes:
             ms=3.0,
             label=label,
         )
-    axis.set(xlabel="half width of the uncertainty (%)", ylabel="P(left a funnel)")
+    axis.set(
+        xlabel="half width of the uncertainty (%)", ylabel="P(left a specified funnel)"
+    )
     axis.set_ylim(-0.02, 1.02)
     legend_above(axis, axis.get_legend_handles_labels()[0])
     return axis

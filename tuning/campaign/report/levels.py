@@ -28,7 +28,7 @@ _WRITTEN = (
 )
 """Names in use in the folder that holds those of the levels."""
 _EVENTS = {
-    "p_violation": "left a funnel",
+    "p_violation": "left a specified funnel",
     "p_capsize": "rolled past 90 deg",
     "p_failure": "not finite",
 }

@@ -24,7 +24,14 @@ from tuning.campaign.report.specified_section import specified_section
 from tuning.campaign.report.text import LINES, brackets, in_interval, short
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.rows import Rows, unit
-from tuning.reporting.tables import markdown_table
+from tuning.reporting.html import write_html
+from tuning.reporting.tables import (
+    OUTSIDE,
+    RMS_COMMAND,
+    RMS_ERROR,
+    RMS_STEP,
+    markdown_table,
+)
 
 _TOP = 8
 
@@ -32,7 +39,7 @@ _TOP = 8
 def write_campaign_report(
     folder: Path, campaign: Campaign, table: Rows, summary: CampaignSummary
 ) -> None:
-    """Write report.md and its figures.
+    """Write report.md, its figures, and report.html, which has all of it.
 
     Args:
         folder: folder of the campaign.
@@ -47,7 +54,9 @@ def write_campaign_report(
     parts += [*_compared(summary), *_failed(summary), *_driven(summary)]
     parts += blamed(summary)
     parts += [_picture(name) for name in names]
-    write_text(folder / "report.md", "\n".join(parts) + "\n")
+    text = "\n".join(parts) + "\n"
+    write_text(folder / "report.md", text)
+    write_html(folder / "report.html", text, summary.provenance)
 
 
 def _head(summary: CampaignSummary) -> str:
@@ -106,11 +115,11 @@ def _required(summary: CampaignSummary) -> list[str]:
 
 def _measures(summary: CampaignSummary) -> list[str]:
     titles = {
-        "rms_error": "L2[e]",
-        "max_error_settled": "max error settled",
-        "rms_effort": "L2[U]",
-        "chattering": "L2[dU]",
-        "time_outside_funnel": "time outside funnel",
+        "rms_error": RMS_ERROR,
+        "max_error_settled": "largest error once settled",
+        "rms_effort": RMS_COMMAND,
+        "chattering": RMS_STEP,
+        "time_outside_funnel": OUTSIDE,
     }
     named = {f"{c}.{m}": f"{c} {t}" for c in CHANNELS for m, t in titles.items()}
     rows = []
@@ -134,7 +143,7 @@ def _compared(summary: CampaignSummary) -> list[str]:
         event = pair["violation"]
         parts.append(f"## {pair['second']} against {pair['first']}\n")
         parts.append(
-            f"On the same members, {event['only_first']} left a funnel with "
+            f"On the same members, {event['only_first']} left a specified funnel with "
             f"{pair['first']} alone, {event['only_second']} with {pair['second']} "
             f"alone (difference {event['difference']:+.4f}, McNemar's exact p = "
             f"{event['p_value']:.2g}).\n"

@@ -13,6 +13,9 @@ from tuning.campaign.report.text import brackets, short
 from tuning.reporting.tables import markdown_table
 
 _TOP = 8
+LEAST_BLOCKS = 64
+"""Number of blocks below which Sobol indices are withheld: their intervals would be
+wider than what they say."""
 _DRAWN = {LEFT: "leaving a funnel", SEVERITY: "the severity"}
 
 
@@ -41,8 +44,8 @@ def _rows(one: dict[str, Any]) -> list[str]:
     rows = [
         [
             row["quantity"],
-            _index(row, "total"),
-            _index(row, "first"),
+            _index(one, row, "total"),
+            _index(one, row, "first"),
             "-" if row["rho"] is None else f"{row['rho']:+.2f}",
             short(row.get("gradient")),
         ]
@@ -52,9 +55,20 @@ def _rows(one: dict[str, Any]) -> list[str]:
     return markdown_table(head, rows, 1)
 
 
-def _index(row: dict[str, Any], name: str) -> str:
+def withheld(one: dict[str, Any]) -> bool:
+    """Whether an output has too few blocks for its Sobol indices to say anything.
+
+    Args:
+        one: sensitivities of one output.
+    """
+    return bool(one["blocks"] < LEAST_BLOCKS)
+
+
+def _index(one: dict[str, Any], row: dict[str, Any], name: str) -> str:
     if name not in row:
         return "-"
+    if withheld(one):
+        return "withheld"
     return f"{row[name]:.2f} {brackets(row[f'{name}_interval'])}"
 
 
@@ -67,6 +81,11 @@ def _words(one: dict[str, Any]) -> list[str]:
         if one["agreement"]
         else f"{one['blocks']} blocks, {one['blocks_left_out']} more left out."
     ]
+    if withheld(one) and any("total" in row for row in one["rows"]):
+        lines.append(
+            f"Sobol indices are withheld: {one['blocks']} blocks are too few. Give "
+            "--sensitivity 128 or more."
+        )
     if one["disagreements"]:
         lines.append("They disagree: " + "; ".join(one["disagreements"]) + ".")
     return ["\n".join(lines) + "\n"]
@@ -85,9 +104,11 @@ def sobol_figure(sensitivity: dict[str, Any]) -> Figure:
         rows = [row for row in sensitivity[output]["rows"] if "total" in row]
         rows = rows[:_TOP]
         axis.set_xlabel(f"Sobol index of {title}")
-        if not rows:
+        few = withheld(sensitivity[output])
+        if few or not rows:
             axis.set_axis_off()
-            axis.text(0.5, 0.5, f"{title}: nothing varies", ha="center")
+            why = "too few blocks" if few and rows else "nothing varies"
+            axis.text(0.5, 0.5, f"{title}: {why}", ha="center")
             continue
         groups = {
             name: (

@@ -6,7 +6,7 @@ from jaxglider.signals import CHANNEL_UNITS
 from tuning.campaign.analysis.summary import CampaignSummary, ControllerSummary
 
 LINES = {
-    "p_violation": "left a funnel",
+    "p_violation": "left a specified funnel",
     "p_violation_depth": "  depth",
     "p_violation_pitch": "  pitch",
     "p_violation_heading": "  heading",
@@ -40,7 +40,7 @@ def text_summary(summary: CampaignSummary) -> str:
             continue
         name = f"{channel}.rms_error"
         entries = [of.measures[name]["q95"] for of in controllers.values()]
-        rows.append([f"  {channel} L2[e] [{unit}]", *map(_quantile, entries)])
+        rows.append([f"  {channel} rms error [{unit}]", *map(_quantile, entries)])
     if flights:
         name = "flight.energy_per_through_water"
         entries = [of.measures[name]["q95"] for of in controllers.values()]
@@ -111,10 +111,13 @@ def _quantile(estimate: dict[str, Any]) -> str:
 
 
 def brackets(interval: list[Any] | None) -> str:
-    """An interval; a question mark where the members are too few for an end."""
+    """An interval; in words where the members are too few for one end or both."""
     if interval is None:
         return ""
-    return "[" + ", ".join("?" if x is None else f"{x:.3g}" for x in interval) + "]"
+    if all(x is None for x in interval):
+        return "[too few members]"
+    ends = ("no bound" if x is None else f"{x:.3g}" for x in interval)
+    return f"[{', '.join(ends)}]"
 
 
 def short(value: float | None) -> str:

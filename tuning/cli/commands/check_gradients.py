@@ -3,11 +3,13 @@
 import argparse
 import sys
 
-from jaxglider.files.writing import provenance
+from jaxglider.files.writing import provenance, write_json
 from tuning.api.check_gradients import check_problem
 from tuning.cli.session.from_options import nominal_spec
-from tuning.reporting.console import Progress, print_result
+from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import OK
+from tuning.reporting.html import write_html
+from tuning.reporting.output_folder import folder_name
 
 
 def check(options: argparse.Namespace) -> int:
@@ -17,5 +19,10 @@ def check(options: argparse.Namespace) -> int:
     )
     about = provenance(command=sys.argv[1:], precision=options.precision)
     content = {**outcome.to_dict(), "provenance": about}
+    if options.out is not None:
+        write_json(options.out / "gradients.json", content)
+        text = f"# How far gradients can be trusted\n\n```\n{outcome}\n```\n"
+        write_html(options.out / "report.html", text, about)
+        note(f"{folder_name(options.out)}: gradients.json and report.html.")
     print_result(content, str(outcome), as_json=options.json)
     return OK

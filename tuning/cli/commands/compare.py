@@ -1,12 +1,15 @@
-"""The command that compares controllers under one sea, in a case or a mission."""
+"""The command that compares controllers in the paper's cases under one sea."""
 
 import argparse
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from jaxglider import paper
 from jaxglider.files.mission import load_mission
 from jaxglider.paper.tuned import has_tuned_gains
+from tuning.cli.options.arguments import PAPER_CONTROLLERS
+from tuning.cli.session.from_options import refuse_beside_mission
 from tuning.evaluation.runs import PlannedRun, report_runs, run_all
 from tuning.problem.case import DT, FlightCase
 from tuning.problem.gain_sets import (
@@ -18,13 +21,19 @@ from tuning.problem.gain_sets import (
     resolve,
 )
 from tuning.reporting.console import note
+from tuning.reporting.output_folder import keep_other_results
 
 
 def compare(options: argparse.Namespace) -> int:
-    """`jaxglider compare`: the paper's cases or a mission, all under the same sea."""
+    """`jaxglider compare`: the paper's cases, or a mission, under the same sea."""
+    keep_other_results(
+        options.out / "metrics.json", sys.argv[1:], overwrite=options.overwrite
+    )
     if options.config is not None:
-        return _compare_mission(options)
-    scenarios = paper.SCENARIOS if options.scenario == "all" else (options.scenario,)
+        return _compare_on_mission(options)
+    options.plant = options.plant or "printed"
+    whole = options.scenario in (None, "all")
+    scenarios = paper.SCENARIOS if whole else (options.scenario,)
     files = read_files(options.gains)
     entries = [e for s in scenarios for e in _paper_entries(options, s, files)]
     for path, tables in files.items():
@@ -33,15 +42,20 @@ def compare(options: argparse.Namespace) -> int:
     return report_runs(options, done, interrupted, seed=0)
 
 
-def _compare_mission(options: argparse.Namespace) -> int:
-    """A mission flown by each law with the gains that it begins with, and by files.
-
-    The mission's own law flies with the mission's gains.
-    """
+def _compare_on_mission(options: argparse.Namespace) -> int:
+    """Some laws on one mission: its own, and those asked for with their first gains."""
+    refuse_beside_mission(options)
     mission = load_mission(options.config)
-    case = FlightCase.of_mission(mission)
-    kinds = [kind for kind in options.controllers if kind != mission.controller]
+    if mission.stand_ins:
+        note(mission.stand_ins)
+    case = FlightCase.of_mission(mission, options.duration)
+    kinds = [k for k in options.controllers or [] if k != mission.controller]
     words = [word for word in options.gains if word != TUNED]
+    if len(words) < len(options.gains):
+        note(
+            "tuned gains come along for the paper's cases alone: on a mission each law "
+            "flies with those it begins with, or name a file."
+        )
     sets = case.resolve([MISSION, *([PAPER] if kinds else []), *words], kinds)
     entries = [
         PlannedRun(mission.name, mission.plant, one.label, case.loop(one)[1], False)
@@ -66,30 +80,34 @@ def _paper_entries(
     options: argparse.Namespace, scenario: str, files: Mapping[str, dict[str, Any]]
 ) -> Iterator[PlannedRun]:
     setting = paper.make_scenario(
-        scenario, options.plant, dt=options.dt or DT, actuators=options.actuators
+        scenario,
+        options.plant,
+        dt=options.dt or DT,
+        duration=options.duration,
+        actuators=options.actuators,
     )
     model = paper.design_model(setting.plant)
+    kinds = options.controllers or list(PAPER_CONTROLLERS)
     words = [PAPER, *(word for word in options.gains if word != TUNED)]
-    sets = resolve(words, options.controllers, scenario, options.plant, files=files)
+    sets = resolve(words, kinds, scenario, options.plant, files=files)
     if TUNED in options.gains:
-        sets += _tuned_sets(options, scenario)
+        sets += _tuned_sets(kinds, scenario, options.plant)
     for gains in sets:
         law = gains.load(scenario, model)
         yield PlannedRun(scenario, options.plant, gains.label, law.on(setting))
 
 
-def _tuned_sets(options: argparse.Namespace, scenario: str) -> tuple[GainSet, ...]:
+def _tuned_sets(kinds: Sequence[str], scenario: str, plant: str) -> tuple[GainSet, ...]:
     """The gains that come along for this case; those that do not are named.
 
     Raises:
         ValueError: none of the laws has any.
     """
-    plant = options.plant
-    known = [k for k in options.controllers if has_tuned_gains(scenario, plant, k)]
-    missing = [k for k in options.controllers if k not in known]
+    known = [k for k in kinds if has_tuned_gains(scenario, plant, k)]
+    missing = [k for k in kinds if k not in known]
     if known and missing:
         note(
             f"no tuned gains come along for {', '.join(missing)} in {scenario} on "
             f"{plant}: they fly with those they begin with alone."
         )
-    return resolve([TUNED], known or options.controllers, scenario, plant)
+    return resolve([TUNED], known or kinds, scenario, plant)

@@ -33,8 +33,9 @@ from tuning.campaign.run.rows import (
 )
 from tuning.campaign.run.store import Manifest, read_manifest, read_rows, whole_rows
 from tuning.reporting.console import Progress, note, print_result
+from tuning.reporting.html import write_html
 from tuning.reporting.output_folder import writing_to
-from tuning.reporting.tables import text_table
+from tuning.reporting.tables import markdown_table, markdown_tables, text_table
 
 
 def rerun(options: argparse.Namespace) -> int:
@@ -77,11 +78,28 @@ def _rerun(
     loop = with_member(campaign.loops[0], _one(draw(campaign, member, 1)[1]))[0]
     about, origin = result["provenance"], loop.scenario.origin
     write_trajectories(out / "trajectories.nc", runs, about, origin)
-    figures = save_all(out / "figures", loop.scenario, runs)
+    settings = manifest.settings
+    title = f"member {member}: {settings.scenario} on {settings.plant}"
+    figures = save_all(out / "figures", loop.scenario, runs, ("png",), None, title)
+    write_html(out / "report.html", _page(result, title), about, figures)
     progress.clear()
+    note(
+        f"{out}: member.json, trajectories.nc and {len(figures)} figures, all in "
+        "report.html too."
+    )
     text = f"member {member}\n" + text_table(result["runs"])
     print_result(result, text, as_json=options.json)
-    note(f"{out}: member.json, trajectories.nc and {len(figures)} figures.")
+
+
+def _page(result: dict[str, Any], title: str) -> str:
+    """The member as Markdown: how it did, and what was drawn for it."""
+    drawn = [
+        [f"`{name}`", f"{entry['value']:.6g}", entry["unit"]]
+        for name, entry in result["drawn"].items()
+    ]
+    head = ["what is uncertain", "drawn", "unit"]
+    parts = [f"# {title[0].upper()}{title[1:]}\n", markdown_tables(result["runs"])]
+    return "\n".join([*parts, "## What was drawn\n", *markdown_table(head, drawn, 1)])
 
 
 def _table(folder: Path, manifest: Manifest) -> Rows:

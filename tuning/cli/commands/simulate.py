@@ -1,6 +1,8 @@
 """The command that flies one mission, steered by its controller or by a program."""
 
 import argparse
+import dataclasses
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ from jaxglider.control.observer import NoObserver
 from jaxglider.files.mission import Mission, load_mission
 from jaxglider.onboard.guard import status_names
 from jaxglider.onboard.pipe import ChildProcess, PipeController
+from jaxglider.simulation.checks.ranges import range_warnings
 from jaxglider.simulation.checks.start import start_warnings
 from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.evaluation.runs import (
@@ -21,6 +24,7 @@ from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import PAPER
 from tuning.reporting.console import note
 from tuning.reporting.exit_codes import RUN_FAILED
+from tuning.reporting.output_folder import keep_other_results
 
 
 def simulate_mission(options: argparse.Namespace) -> int:
@@ -34,17 +38,23 @@ def simulate_mission(options: argparse.Namespace) -> int:
             "a mission file is required: MISSION or --config FILE. `jaxglider init` "
             "writes one to start from, `jaxglider missions` lists some that fly."
         )
+    keep_other_results(
+        options.out / "metrics.json", sys.argv[1:], overwrite=options.overwrite
+    )
     mission = load_mission(options.config)
     if mission.stand_ins:
         note(mission.stand_ins)
-    for remark in mission.remarks:
+    for remark in (*mission.remarks, *range_warnings(mission.loop)):
         note(f"warning: {remark}")
+    case = FlightCase.of_mission(mission, options.duration)
+    if options.duration is not None:
+        loop = mission.law.on(case.scenario)
+        mission = dataclasses.replace(mission, loop=loop)
     seed = mission.seed if options.seed is None else options.seed
     if options.controller_binary is not None:
         return _simulate_outside(options, mission, seed)
     name, loop = mission.controller, mission.loop
     if options.controller is not None:
-        case = FlightCase.of_mission(mission)
         (gains,) = case.resolve([PAPER], [options.controller])
         name, loop = gains.label, case.loop(gains)[1]
     for warning in start_warnings(loop):

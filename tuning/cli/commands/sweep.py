@@ -96,8 +96,8 @@ def worst(options: argparse.Namespace) -> int:
             controller=short_name(controller),
             provenance=about,
         )
-    print_result(content, str(result), as_json=options.json)
     note(f"{folder_name(options.out)}: worst.json.")
+    print_result(content, str(result), as_json=options.json)
     return OK
 
 

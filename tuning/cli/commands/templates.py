@@ -11,6 +11,7 @@ from jaxglider.files import mission, uncertainty
 from jaxglider.files.gains import read_gains
 from jaxglider.files.settings.lists import KNOWN, Settings, read_settings, settings_of
 from jaxglider.files.writing import write_text
+from jaxglider.simulation.checks.sense import sense_warnings
 from jaxglider.simulation.checks.start import start_warnings
 from tuning.evaluation.runs import note_stability
 from tuning.reporting.console import note
@@ -33,18 +34,33 @@ def init(options: argparse.Namespace) -> int:
         write_text(path, template())
     except OSError as error:
         raise OSError(f"{path} cannot be written: {reason(error)}.") from error
-    use = "tune --uncertainty" if options.uncertainty else "simulate --config"
+    use = "tune --uncertainty" if options.uncertainty else "simulate"
     sys.stdout.write(f"{path} written. Edit it, then: jaxglider {use} {path}\n")
     return OK
 
 
 def validate(options: argparse.Namespace) -> int:
-    """`jaxglider validate`: whether a mission file can be flown."""
+    """`jaxglider validate`: whether a mission file can be flown, and makes sense.
+
+    Raises:
+        ValueError: it makes no sense, with `--strict`; or it cannot be flown.
+        FloatingPointError: it is not finite at its start.
+    """
     loaded = mission.load_mission(options.path)
     if loaded.stand_ins:
         note(loaded.stand_ins)
-    for warning in (*loaded.remarks, *start_warnings(loaded.loop)):
-        note(f"warning: {warning}")
+    found = [
+        *loaded.remarks,
+        *start_warnings(loaded.loop),
+        *sense_warnings(loaded.loop),
+    ]
+    for warning in found:
+        note(f"{'error' if options.strict else 'warning'}: {warning}")
+    if found and options.strict:
+        raise ValueError(
+            f"{options.path}: {len(found)} errors, with --strict; without it they are "
+            "warnings."
+        )
     note_stability(loaded.loop, always=False)
     clock = loaded.loop.scenario.clock
     sys.stdout.write(

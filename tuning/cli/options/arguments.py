@@ -234,13 +234,18 @@ def add_case(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scenario", choices=SCENARIOS, help="default: switching")
     parser.add_argument("--plant", choices=PLANTS, help="default: rigid-body")
     add_actuators(parser)
+    add_duration(parser)
+    add_dt(parser)
+
+
+def add_duration(parser: argparse.ArgumentParser) -> None:
+    """The horizon."""
     parser.add_argument(
         "--duration",
         type=positive,
         metavar="S",
-        help="horizon [s]; default: the case's own",
+        help="horizon [s]; default: the case's or the mission's own",
     )
-    add_dt(parser)
 
 
 def add_common(parser: argparse.ArgumentParser, out: str) -> None:
@@ -248,6 +253,15 @@ def add_common(parser: argparse.ArgumentParser, out: str) -> None:
     add_output(parser)
     parser.add_argument(
         "--out", type=Path, default=Path(out), metavar="DIR", help=f"default: {out}"
+    )
+
+
+def add_overwrite(parser: argparse.ArgumentParser) -> None:
+    """Leave to replace what another command has written."""
+    parser.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="replace the results of another command in --out",
     )
 
 

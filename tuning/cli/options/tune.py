@@ -11,6 +11,7 @@ from tuning.cli.options.arguments import (
     add_common,
     add_controller,
     add_output,
+    add_overwrite,
     at_least_four,
     below_one,
     count,
@@ -36,6 +37,12 @@ def add_tune(commands: Any) -> None:
     )
     parser.add_argument(
         "--resume", action="store_true", help="go on from the checkpoint in --out"
+    )
+    add_overwrite(parser)
+    parser.add_argument(
+        "--verbose",
+        action="store_true",
+        help="print every tuned number too, which gains.toml has",
     )
     add_common(parser, "results/tune")
 
@@ -122,6 +129,12 @@ def add_check(commands: Any) -> None:
         "--short",
         action="store_true",
         help="differences only; no comparison of horizons and smoothing widths",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="write gradients.json and report.html there; nothing by default",
     )
     add_output(parser)
 
