@@ -203,6 +203,7 @@ class LQR(AbstractController):
         trim = wanted_trim(self.model, measurement, reference)
         deviation = self._deviation(measurement, reference, counted)
         feedback = state.feedback if self.gain is None else self.gain
+        assert feedback is not None  # `init` works it out where none is given.
         climbing = reference.position.pitch > 0.0
         wanted = map_fields(
             lambda star, dive, climb: (
