@@ -8,6 +8,10 @@ of the first two minutes after each new heading. These numbers are found by grad
 descent through the rollout: what perfect knowledge of glider and sea could do, with no
 law to obey. Nothing is planned for the end of a segment, so that the plan cannot turn
 before it is told to. It writes images/heading_bound.png.
+
+`--actuators vehicle` does the same for the gains that come along, on actuators as fast
+as the vehicle's file says, with a plan that keeps the roll within 45°; with `--plant
+seawing` on the other plant. It writes no picture.
 """
 
 import argparse
@@ -26,6 +30,7 @@ import jaxglider
 from jaxglider import ClosedLoop, Command, evaluate, paper, simulate
 from jaxglider.control import AbstractController
 from jaxglider.files.gains import load_gains
+from jaxglider.paper.tuned import tuned_gains
 from jaxglider.plotting.save import save
 from jaxglider.plotting.style import (
     PAGE,
@@ -41,8 +46,10 @@ SEGMENT, PLANNED, EVERY = 200.0, 120.0, 2.0
 """Length of a segment, of its planned beginning, and between two planned angles [s]."""
 MEMORY = 100.0
 """How long the gradient remembers [s]."""
-DEPTH, PITCH = 0.0199, 0.0314
+DEPTH_AND_PITCH = (0.0199, 0.0314)
 """L2[e] that the other channels may come to [m, rad]."""
+UPRIGHT, FREE, SPECIFIED = 1.5, 10.0, 0.785
+"""Largest rolls of the plans [rad]."""
 
 
 class Planned(AbstractController):
@@ -94,10 +101,11 @@ def excess(value: jax.Array, limit: float) -> jax.Array:
     return jnp.maximum(value / limit - 1.0, 0.0)
 
 
-def cost(metrics: Metrics, roll: float) -> jax.Array:
+def cost(metrics: Metrics, roll: float, limits: tuple[float, float]) -> jax.Array:
     """Heading error [rad], and what keeps the rest within its limits."""
     c = metrics.channels
-    others = excess(c.depth.rms_error, DEPTH) + excess(c.pitch.rms_error, PITCH)
+    depth, pitch = limits
+    others = excess(c.depth.rms_error, depth) + excess(c.pitch.rms_error, pitch)
     return c.heading.rms_error + others + excess(metrics.max_roll, roll) ** 2
 
 
@@ -109,7 +117,20 @@ def tuned(kind: str) -> ClosedLoop:
     return load_gains(file, "switching", model).on(scenario)
 
 
-def best_plan(loop: ClosedLoop, roll: float, steps: int) -> ClosedLoop:
+def shipped(plant: str) -> ClosedLoop:
+    """FxTPPC with the gains that come along, on actuators that have a speed."""
+    scenario = paper.make_scenario("switching", plant)
+    model = paper.design_model(scenario.plant)
+    gains = tuned_gains("switching", plant, "fxtppc")
+    return load_gains(gains, "switching", model).on(scenario)
+
+
+def best_plan(
+    loop: ClosedLoop,
+    roll: float,
+    steps: int,
+    limits: tuple[float, float] = DEPTH_AND_PITCH,
+) -> ClosedLoop:
     """The loop with the best plan that Adam finds."""
     sea = loop.scenario.sea(jax.random.key(0))
     law = loop.controller
@@ -120,7 +141,9 @@ def best_plan(loop: ClosedLoop, roll: float, steps: int) -> ClosedLoop:
     @jax.jit
     @jax.value_and_grad
     def value(angles: jax.Array) -> jax.Array:
-        return cost(evaluate(planned(angles), sea, gradient_memory=MEMORY), roll)
+        return cost(
+            evaluate(planned(angles), sea, gradient_memory=MEMORY), roll, limits
+        )
 
     clock = loop.scenario.clock
     angles = jnp.zeros(round(clock.ticks * float(clock.dt) / EVERY) + 1)
@@ -176,29 +199,42 @@ def draw(runs: dict[str, Trajectory], dt: float, path: Path) -> None:
 
 
 def main() -> None:
-    """Plan twice, print a table and draw."""
+    """Plan, print a table and, for actuators that jump, draw."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, default=300)
+    parser.add_argument("--actuators", choices=("ideal", "vehicle"), default="ideal")
+    parser.add_argument("--plant", choices=("rigid-body", "seawing"))
     picture = Path(__file__).parent / "images" / "heading_bound.png"
     parser.add_argument("--out", type=Path, default=picture)
     options = parser.parse_args()
+    if options.plant and options.actuators == "ideal":
+        parser.error("--plant goes with --actuators vehicle")
     jaxglider.enable_fast_loops()
     jax.config.update("jax_enable_x64", True)
-    loop = tuned("fxtppc")
-    loops = {
-        "FxTPPC": loop,
-        "FxTPPC-roll": tuned(paper.ROLL_AWARE),
-        "planned, upright": best_plan(loop, 1.5, options.steps),
-        "planned, free to roll": best_plan(loop, 10.0, options.steps),
-    }
-    sea = loop.scenario.sea(jax.random.key(0))
     run = jax.jit(simulate)
-    runs = {name: run(one, sea) for name, one in loops.items()}
+    if options.actuators == "vehicle":
+        loop = shipped(options.plant or "rigid-body")
+        sea = loop.scenario.sea(jax.random.key(0))
+        flown = run(loop, sea)
+        own = flown.metrics.channels
+        limits = float(own.depth.rms_error), float(own.pitch.rms_error)
+        plan = best_plan(loop, SPECIFIED, options.steps, limits)
+        runs = {"FxTPPC": flown, "with a plan, within 45°": run(plan, sea)}
+    else:
+        loop = tuned("fxtppc")
+        sea = loop.scenario.sea(jax.random.key(0))
+        loops = {
+            "FxTPPC": loop,
+            "FxTPPC-roll": tuned(paper.ROLL_AWARE),
+            "planned, upright": best_plan(loop, UPRIGHT, options.steps),
+            "planned, free to roll": best_plan(loop, FREE, options.steps),
+        }
+        runs = {name: run(one, sea) for name, one in loops.items()}
+        draw(runs, float(loop.scenario.clock.dt), options.out)
     print("| | depth [m] | pitch [rad] | heading [rad] | largest roll [rad] |")
     print("|---|---:|---:|---:|---:|")
     for name, trajectory in runs.items():
         print(row(name, trajectory))
-    draw(runs, float(loop.scenario.clock.dt), options.out)
 
 
 if __name__ == "__main__":

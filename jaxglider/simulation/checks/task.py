@@ -1,4 +1,4 @@
-"""What is asked of a glider against what it can do: angles, depths, rates, times."""
+"""Demands on a glider against what it can do: angles, depths, rates, times."""
 
 import dataclasses
 import math
