@@ -80,7 +80,7 @@ def test_inversion_loses_the_climb_that_steering_by_bank_holds():
 def test_glides_are_those_of_the_schedule_in_both_directions():
     loop = paper.make_loop("waypoints", "printed", "smc")
     angles = [round(math.degrees(glide.angle)) for glide in glides_of(loop)]
-    assert angles == [-60, -45, 45, 60]
+    assert angles == [-60, -45, -26, 26, 45, 60]
     assert all(glide.angle * glide.depth_rate < 0.0 for glide in glides_of(loop))
     assert DIVE.mirrored() == Glide(math.pi / 4, -0.1)
     flat = dataclasses.replace(

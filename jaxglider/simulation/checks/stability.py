@@ -33,6 +33,8 @@ DEEP = 500.0
 """Depth that the glide begins at [m], far from surface and bottom."""
 LONG = 1000.0
 """Time [s] in which a motion that grows e-fold does no harm: no glide lasts as long."""
+USUAL_ANGLE = math.radians(26.0)
+"""Gliding angle of most missions of Slocums [rad]."""
 _NEUTRAL, _DEAD, _SMALL = 1e-6, 1e-6, 1e-2
 """Modulus of a rate [1/s] that counts as none, as the place of the glider has; factor
 of a motion that has died; and size of a number that a difference is relative to."""
@@ -108,6 +110,9 @@ class LoopModes:
 def glides_of(loop: ClosedLoop) -> tuple[Glide, ...]:
     """The straight glides of a loop's task, each as a dive and as a climb.
 
+    Where all are steeper than gliders usually fly, that glide as well: gains are not
+    used on the task alone that they were made for.
+
     Args:
         loop: closed loop; a reference without gliding angles has none.
     """
@@ -120,6 +125,8 @@ def glides_of(loop: ClosedLoop) -> tuple[Glide, ...]:
         for angle, rate in zip(schedule.gliding_angle, schedule.depth_rate, strict=True)
         if float(angle) * float(rate) < 0.0
     }
+    if flown and min(abs(glide.angle) for glide in flown) > USUAL_ANGLE:
+        flown.add(Glide(-USUAL_ANGLE, max(abs(glide.depth_rate) for glide in flown)))
     both = flown | {glide.mirrored() for glide in flown}
     return tuple(sorted(both, key=lambda glide: glide.angle))
 
