@@ -174,7 +174,9 @@ def flown_turn(law, headings, climbing=False, dt=5.0):
             jnp.asarray(0, jnp.int32),
             jnp.asarray(False),
         )
-        command, carry, _ = law.step(carry, measured, asked, None, zero + dt)
+        command, carry, _ = law.step(
+            carry, measured, asked, law.bounds(clock), zero + dt
+        )
         return carry, command.mass_angle
 
     headings = jnp.asarray(headings, float)

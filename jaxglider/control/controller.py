@@ -91,6 +91,10 @@ class AbstractController(Container):
         """The law as it runs on board; one with work to do beforehand has it done."""
         return self
 
+    def cycle_time(self) -> Scalar:
+        """Time from one run of the law to the next [s]; 0 for one of every tick."""
+        return jnp.zeros(())
+
     def bounds(self, clock: Scalar) -> Channels[Bound]:
         """P, P', P'' of the funnel at t* [s]; infinite without one."""
         if self.funnel is None:

@@ -140,6 +140,10 @@ class SeaExplorer(AbstractController):
         fin = isinstance(model.actuation, FinActuation)
         return cls(model, funnel, climb_sign=1.0 if fin else -1.0)
 
+    def cycle_time(self) -> Scalar:
+        """Time from one run to the next [s]."""
+        return self.period
+
     def init(self) -> SeaExplorerState:
         """Nothing added up; the first tick begins a phase."""
         zero = jnp.zeros_like(self.period)

@@ -177,6 +177,10 @@ class Seaglider(AbstractController):
             climb_sign=1.0 if isinstance(model.actuation, FinActuation) else -1.0,
         )
 
+    def cycle_time(self) -> Scalar:
+        """Time from one run to the next [s]."""
+        return self.interval
+
     def init(self) -> SeagliderState:
         """Nothing learnt; the first tick begins a phase."""
         zero = jnp.zeros_like(self.interval)

@@ -158,6 +158,10 @@ class Slocum(AbstractController):
         rolling = {"heading_gain": 1.0, "heading_integral": 0.03, "heading_rate": 0.0}
         return cls(model, funnel, climb_sign=-1.0, **rolling)
 
+    def cycle_time(self) -> Scalar:
+        """Time from one run to the next [s]."""
+        return self.cycle
+
     def init(self) -> SlocumState:
         """Nothing learnt, nothing added up; it runs in the first tick."""
         zero = jnp.zeros_like(self.cycle)

@@ -168,6 +168,10 @@ class LQR(AbstractController):
         """The law with K as it is: no Riccati equation is solved on board."""
         return dataclasses.replace(self, gain=self.feedback())
 
+    def cycle_time(self) -> Scalar:
+        """Time from one run to the next [s]."""
+        return self.period
+
     def init(self) -> RegulatorState:
         """K, and nothing added up."""
         zero = jnp.zeros_like(self.period)

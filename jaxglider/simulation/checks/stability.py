@@ -3,7 +3,8 @@
 A second of ticks maps the state of everything that remembers (glider, actuators,
 law and observer) to the next. Around a steady glide in calm water this map's derivative
 has eigenvalues μ, and the loop moves with the rates s = ln μ/(1 s): it is stable where
-all real parts are negative. Where the glider is, and how far the ramp of the depth has
+all real parts are negative. Of a law that runs less often the map is over its cycle:
+within one it steers nothing. Where the glider is, and how far the ramp of the depth has
 come, counts for nothing.
 """
 
@@ -134,8 +135,9 @@ def glides_of(loop: ClosedLoop) -> tuple[Glide, ...]:
 def loop_modes(loop: ClosedLoop, glides: tuple[Glide, ...]) -> list[LoopModes]:
     """The natural motions of a closed loop on each of some glides.
 
-    By central differences of the map over a second, one program without a derivative,
-    in double precision whatever the loop's: rates are right to 1e-6 1/s and better.
+    By central differences of the map over a second, or over the law's cycle, one
+    program without a derivative, in double precision whatever the loop's: rates are
+    right to 1e-6 1/s and better.
 
     Args:
         loop: closed loop in any task; it is put on the glides in calm water.
@@ -150,7 +152,8 @@ def loop_modes(loop: ClosedLoop, glides: tuple[Glide, ...]) -> list[LoopModes]:
         loop.scenario, clock=Clock(1, clock.dt, clock.substeps)
     )
     loop = dataclasses.replace(loop, scenario=scenario)
-    settling, second = round(SETTLING / dt), max(round(1.0 / dt), 1)
+    settling = round(SETTLING / dt)
+    second = max(round(max(1.0, float(loop.controller.cycle_time())) / dt), 1)
     modes = []
     with jax.enable_x64(True):
         loop = jax.tree.map(_double, loop)
