@@ -1,9 +1,11 @@
 """Trajectories as tables that a spreadsheet reads: CSV, or Parquet."""
 
 import csv
+import importlib
 import io
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -65,19 +67,19 @@ def check_kind(kind: str | None) -> None:
         _pyarrow()
 
 
-def _pyarrow() -> tuple[object, object]:
+def _pyarrow() -> Any:
+    """The package pyarrow with its Parquet part."""
     try:
-        import pyarrow
-        import pyarrow.parquet
+        importlib.import_module("pyarrow.parquet")
+        return importlib.import_module("pyarrow")
     except ImportError as error:
         raise ValueError(
             "--table parquet needs the package pyarrow: `pip install pyarrow`, or take "
             "--table csv."
         ) from error
-    return pyarrow, pyarrow.parquet
 
 
 def _write_parquet(path: Path, columns: Mapping[str, np.ndarray]) -> None:
-    arrow, parquet = _pyarrow()
+    arrow = _pyarrow()
     with replacing(path) as temporary:
-        parquet.write_table(arrow.table(dict(columns)), temporary)  # type: ignore[attr-defined]
+        arrow.parquet.write_table(arrow.table(dict(columns)), temporary)
