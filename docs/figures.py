@@ -106,12 +106,17 @@ def recorded(name: str, law: str) -> Trajectory:
     """A flight as it was recorded; its metrics are empty."""
     with np.load(RECORDED / f"{name}-{law}.npz") as file:
         columns = {key: jnp.asarray(value) for key, value in file.items()}
-    numbers = {key: x for key, x in columns.items() if "." not in key}
-    parts = {key: _part(key, columns) for key in _KINDS}
-    ticks = TickRecord(**{"phase": None} | numbers | parts)
+    ticks = jax.vmap(_tick)(columns)
     zero, start = jnp.zeros(()), GliderState.at_rest()
     metrics = finish(empty_sums(zero), start, jnp.asarray(0), zero + 1.0)
     return Trajectory(ticks, metrics)
+
+
+def _tick(columns: dict[str, Any]) -> TickRecord:
+    """One record from its columns by their paths."""
+    numbers = {key: x for key, x in columns.items() if "." not in key}
+    parts = {key: _part(key, columns) for key in _KINDS}
+    return TickRecord(**{"phase": None} | numbers | parts)
 
 
 def _part(key: str, columns: Mapping[str, Any]) -> Any:
