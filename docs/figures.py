@@ -7,6 +7,7 @@ sheet again and compares it with images/figures.png: nobody has to fly for it.
 
 import argparse
 import dataclasses
+import functools
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -56,6 +57,7 @@ _TURNING = {
 }
 
 
+@functools.cache
 def flights() -> dict[str, tuple[str, int, dict[str, ClosedLoop]]]:
     """Title, ticks from one record to the next, and closed loops of each flight."""
     laws = ("smc", "fxtppc")

@@ -63,7 +63,7 @@ def write_html(
 
 
 def _provenance(about: Mapping[str, Any]) -> Iterator[str]:
-    """How to repeat the result, and where it came from."""
+    """The command that repeats the result, and its origin."""
     command = about.get("command")
     yield "<h2>Where this comes from</h2>"
     if command:
