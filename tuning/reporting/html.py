@@ -116,7 +116,7 @@ def _blocks(text: str, folder: Path) -> Iterator[str]:
 
 
 def _kind(line: str) -> str:
-    """What a line of Markdown belongs to; empty for an empty one."""
+    """Kind of block that a line of Markdown belongs to; empty for an empty line."""
     starts = {
         "```": "code",
         "|": "table",
