@@ -95,7 +95,7 @@ def test_names_on_the_command_line_are_those_of_the_package():
         *tuning.cli.options.arguments.HELD_ON_REQUEST,
     }
     assert tuple(BY_NAME) == tuning.cli.parser.CONTROLLERS
-    assert paper.CONTROLLERS == tuning.cli.parser.PAPER_CONTROLLERS
+    assert paper.CONTROLLERS == tuning.cli.options.arguments.PAPER_CONTROLLERS
 
 
 def test_help_and_version_import_nothing_heavy(tmp_path):

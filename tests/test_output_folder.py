@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tuning.reporting.output_folder import writing_to
+from tuning.reporting.output_folder import keep_other_results, writing_to
 
 MISSION = 'clock = {duration_s = 1.0}\ncontroller = {type = "smc"}\n'
 OTHER = """
@@ -114,3 +114,17 @@ def test_without_locks_there_is_a_note(tmp_path, monkeypatch, capsys):
         assert list(tmp_path.iterdir()) == []
     err = capsys.readouterr().err
     assert "cannot be locked (No locks available)" in err
+
+
+def test_results_of_another_command_are_kept_unless_told(tmp_path):
+    path = tmp_path / "tune.json"
+    keep_other_results(path, ["tune"])
+    path.write_text('{"provenance": {"command": ["tune", "--steps", "5"]}}')
+    keep_other_results(path, ["tune", "--steps", "5"])
+    keep_other_results(path, ["tune", "--steps", "5", "--verbose", "--resume"])
+    keep_other_results(path, ["tune"], overwrite=True)
+    with pytest.raises(ValueError, match="another command, `jaxglider tune --steps 5`"):
+        keep_other_results(path, ["tune"])
+    path.write_text("no JSON")
+    with pytest.raises(ValueError, match="holds the results of another command"):
+        keep_other_results(path, ["tune"])

@@ -452,6 +452,7 @@ def test_all_figures_are_written_and_nothing_is_left_over(written):
         "commands",
         "path_3d",
         "path_plan",
+        "depth_over_distance",
         "vehicle_state_fxtppc",
         "disturbance_estimate_fxtppc",
     }

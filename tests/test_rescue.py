@@ -6,17 +6,22 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import tuning.search.black_box
 from tuning.problem.aggregates import Mean
 from tuning.problem.lanes import FAILED_COST, losses
 from tuning.problem.objective import DEFAULT_COST_SCALE
+from tuning.reporting.console import SilentProgress
+from tuning.search.black_box import search_black_box
 from tuning.search.rescue import (
     DRAWS_PER_GENERATION,
     MOST_GENERATIONS,
     MOST_HOPELESS,
     PROMISING_COST,
+    CannotStart,
     is_lost,
     promising_gains,
 )
+from tuning.search.settings import BlackBoxSettings, DescentSettings
 
 MEMBERS = 3
 
@@ -80,3 +85,24 @@ def test_where_all_fail_it_is_said_and_the_best_three_are_told():
     assert len(tried) == 3
     assert [one.loss for one in tried] == sorted(one.loss for one in tried)
     assert spent == MEMBERS * (1 + DRAWS_PER_GENERATION * MOST_HOPELESS)
+
+
+@pytest.mark.parametrize("method", ["cma", "random"])
+def test_a_search_without_gradients_that_loses_every_glider_says_so(
+    monkeypatch, method
+):
+    told = []
+
+    def explained(problem, search):
+        told.append(search)
+        return CannotStart(search.remark)
+
+    monkeypatch.setattr(tuning.search.black_box, "cannot_start", explained)
+    problem = task(lambda x: jnp.sum(x) * jnp.nan)
+    problem.validation, problem.start_fails = problem.training, False
+    problem.loop, problem.spec = None, SimpleNamespace(aggregate=Mean())
+    problem.space = SimpleNamespace(read=lambda loop: jnp.asarray([1.0, 2.0]))
+    settings = BlackBoxSettings(method, 4, 0.5)
+    with pytest.raises(CannotStart, match="members go astray with all of"):
+        search_black_box(problem, settings, DescentSettings(steps=4), SilentProgress())
+    assert 1 <= len(told[0].tried) <= 3

@@ -158,6 +158,17 @@ def test_a_start_may_be_given_through_the_water():
         build_mission(tables(water=water, initial_state=both))
 
 
+def test_limits_beyond_the_file_of_the_vehicle_are_remarked_on():
+    """A file made by `init` has the limits and the plant of another glider."""
+    data = tomllib.loads(TEMPLATE())
+    assert build_mission(data).remarks == ()
+    data["vehicle"]["data"] = "slocum"
+    plant, ballast, position = build_mission(data).remarks
+    assert plant.startswith('vehicle.plant is "printed"')
+    assert "limit_kg is 0.4, beyond the 0.23 kg that the file of Slocum" in ballast
+    assert "limit_m is 0.06, beyond the 0.036 m" in position
+
+
 def test_strict_makes_errors_of_warnings(call, tmp_path):
     change, said = MISTAKES["angle of the mass in degrees"]
     (tmp_path / "m.toml").write_text(tomli_w.dumps(tables(**change)))

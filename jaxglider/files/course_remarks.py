@@ -1,7 +1,10 @@
-"""Remarks on a course that can be flown: places that are hardly meant so."""
+"""Remarks on a mission that can be flown: places and limits hardly meant so."""
 
 import math
 from typing import Any
+
+from jaxglider.signals import COMMAND_UNITS, Command
+from jaxglider.vehicle.parameters import VehicleData
 
 FASTEST = 3.0
 """No glider is faster through the water, nor any current [m/s]."""
@@ -39,6 +42,42 @@ def course_remarks(data: dict[str, Any]) -> tuple[str, ...]:
             f"the first waypoint is {away:.4g} m away, too far for {duration:g} s: "
             "check its place, the glider's (initial_state) and clock.duration_s."
         )
+    return tuple(remarks)
+
+
+def vehicle_remarks(
+    vehicle: VehicleData, plant: str, actuators: Command[Any]
+) -> tuple[str, ...]:
+    """Remarks on actuators beyond their vehicle's file, and on a plant that is not its.
+
+    Args:
+        vehicle: vehicle of the mission.
+        plant: name of the plant.
+        actuators: actuators of the mission.
+    """
+    remarks = []
+    if plant == "printed" and vehicle.name != "SeaWing":
+        remarks.append(
+            f'vehicle.plant is "printed", the paper\'s equations for SeaWing, in which '
+            f"a glider rolls away from its moving mass: for {vehicle.name} take "
+            '"rigid-body" or "seawing".'
+        )
+    for name, unit in COMMAND_UNITS.items():
+        limit = float(getattr(actuators, name).limit)
+        own = float(getattr(vehicle.limits, name))
+        if limit > 1.001 * own:
+            remarks.append(
+                f"actuators.{name}.limit_{unit} is {limit:.4g}, beyond the "
+                f"{own:.4g} {unit} that the file of {vehicle.name} says it reaches. "
+                "Leave the key out to take that."
+            )
+        rate = getattr(getattr(actuators, name), "rate_limit", None)
+        most = vehicle.rates and float(getattr(vehicle.rates, name))
+        if rate is not None and most and float(rate) > 1.001 * most:
+            remarks.append(
+                f"actuators.{name}.rate_limit_{unit}_s is {float(rate):.4g}, beyond "
+                f"the {most:.4g} {unit}/s of the file of {vehicle.name}."
+            )
     return tuple(remarks)
 
 

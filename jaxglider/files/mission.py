@@ -15,8 +15,13 @@ from jaxglider import paper
 from jaxglider.control import Funnel
 from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode
-from jaxglider.files.course_remarks import course_remarks
+from jaxglider.files.course_remarks import course_remarks, vehicle_remarks
 from jaxglider.files.file_kinds import refuse_other_kind
+from jaxglider.files.flight.start_tables import (
+    read_initial_state,
+    read_origin,
+    read_water,
+)
 from jaxglider.files.flight.yo_tables import read_energy, read_seabed
 from jaxglider.files.gains import (
     decode_gains,
@@ -31,11 +36,8 @@ from jaxglider.files.mission_tables import (
     read_actuators,
     read_clock,
     read_disturbance,
-    read_initial_state,
-    read_origin,
     read_reference,
     read_vehicle,
-    read_water,
 )
 from jaxglider.files.user_law import first_gains
 from jaxglider.guidance.routes import route_of
@@ -77,7 +79,7 @@ class Mission:
         law: law, observer and guidance of the loop, by themselves.
         model: design model that laws for this mission begin with.
         plant: name of the plant.
-        remarks: oddities of a course that can be flown.
+        remarks: oddities of a course or a vehicle that can be flown.
         stand_ins: sentences on what is the paper's or the vehicle's because its table
             is left out; empty where nothing is.
     """
@@ -182,7 +184,8 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     path = route_of(scenario.reference)
     guidance = None if path is None else path.line_of_sight
     law = law._replace(observer=observer, guidance=guidance)
-    loop, remarks = law.on(scenario), course_remarks(data)
+    loop, beyond = law.on(scenario), vehicle_remarks(vehicle, plant_name, parts[2])
+    remarks = (*course_remarks(data), *beyond)
     return Mission(name, loop, seed, law, model, plant_name, remarks, _stand_ins(data))
 
 

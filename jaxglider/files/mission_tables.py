@@ -9,11 +9,9 @@ import math
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxglider import paper
-from jaxglider.core import rotations
 from jaxglider.core.toml import (
     ConfigError,
     TomlTable,
@@ -30,8 +28,8 @@ from jaxglider.environment.disturbances import (
     Sinusoid,
     Sum,
 )
-from jaxglider.environment.water import Current, Stratification, Water
 from jaxglider.files.flight.yo_tables import (
+    built,
     read_course,
     read_pump,
     read_sampled_clock,
@@ -44,7 +42,7 @@ from jaxglider.guidance import (
     Schedule,
     WaypointPath,
 )
-from jaxglider.signals import COMMAND_UNITS, BodyAxes, Command, GliderState
+from jaxglider.signals import COMMAND_UNITS, BodyAxes, Command
 from jaxglider.simulation.origin import Origin
 from jaxglider.simulation.scenario import Clock
 from jaxglider.vehicle.actuators import (
@@ -55,35 +53,17 @@ from jaxglider.vehicle.actuators import (
 from jaxglider.vehicle.parameters import GliderParameters, VehicleData
 from jaxglider.vehicle.published import load_vehicle, vehicle_names, vehicle_of
 
-STATE_UNITS = {
-    **dict.fromkeys(("north", "east", "depth"), ("m", 1.0)),
-    **dict.fromkeys(("roll", "pitch", "heading"), ("deg", math.pi / 180)),
-    **dict.fromkeys(("surge", "sway", "heave"), ("m_s", 1.0)),
-    **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), ("deg_s", math.pi / 180)),
-}
-"""Unit at the end of the key of each state, and its factor to SI."""
-_LINEAR = ("surge", "sway", "heave")
-
-
-def _built(make: Any, path: str, *args: Any, **kwargs: Any) -> Any:
-    try:
-        return make(*args, **kwargs)
-    except ConfigError:
-        raise
-    except (OSError, TypeError, ValueError) as error:
-        raise ConfigError(f"{path}: {error}") from error
-
 
 def read_vehicle(table: TomlTable, folder: Path) -> VehicleData:
     """Parameters and actuator limits, with overrides applied."""
-    vehicle = _built(_published, "vehicle.data", table, folder)
+    vehicle = built(_published, "vehicle.data", table, folder)
     overrides = table.table("parameters").rest()
     names = [f.name for f in dataclasses.fields(GliderParameters)]
     refuse_unknown(
         [k for k in overrides if k not in names], names, "vehicle.parameters"
     )
     values = {k: number(v, f"vehicle.parameters.{k}") for k, v in overrides.items()}
-    parameters = _built(
+    parameters = built(
         dataclasses.replace, "vehicle.parameters", vehicle.parameters, **values
     )
     return dataclasses.replace(vehicle, parameters=parameters)
@@ -117,7 +97,7 @@ def read_clock(table: TomlTable) -> Clock:
     dt = table.number("dt_s", 0.05)
     substeps = table.whole("substeps", 1)
     table.close()
-    return _built(Clock.lasting, "clock", duration, dt, substeps)
+    return built(Clock.lasting, "clock", duration, dt, substeps)
 
 
 def read_actuators(
@@ -139,7 +119,7 @@ def read_actuators(
         rate = one.get(f"rate_limit_{unit}_s", None)
         lag = one.get("time_constant_s", None)
         usual = getattr(own, name)
-        actuators[name] = _built(
+        actuators[name] = built(
             Actuator,
             one.where("")[:-1],
             one.number(f"limit_{unit}", float(usual.limit)),
@@ -154,69 +134,6 @@ def read_actuators(
     return Command(**actuators)
 
 
-def read_origin(start: TomlTable) -> Origin:
-    """The place that positions count from: the start, taken off before they are cast.
-
-    Args:
-        start: the table of the initial state, which is read again later.
-    """
-    north, east = start.number("north_m", 0.0), start.number("east_m", 0.0)
-    return Origin.at_start(north, east)
-
-
-def read_initial_state(
-    table: TomlTable, origin: Origin, water: Water | None = None
-) -> GliderState:
-    """State at the start; angles in degrees in the file.
-
-    Velocities are over ground, or through the water where the key says so.
-
-    Args:
-        table: table to read.
-        origin: place that positions count from.
-        water: water that may carry the glider.
-    """
-    drifting = [f"{name}_through_water_m_s" for name in _LINEAR]
-    relative = {key: table.get(key, None) for key in drifting}
-    values = {
-        name: scale * table.number(f"{name}_{unit}", 0.0)
-        for name, (unit, scale) in STATE_UNITS.items()
-    }
-    given = [key for key, value in relative.items() if value is not None]
-    for name, key in zip(_LINEAR, drifting, strict=True):
-        if given and table.get(f"{name}_m_s", None) is not None:
-            raise ConfigError(
-                f"{table.where(name)}_m_s is over ground and does not go with "
-                f"{table.where(given[0])}: give all three one way or the other."
-            )
-        if given:
-            values[name] = table.number(key, 0.0)
-    values["north"] -= origin.north
-    values["east"] -= origin.east
-    table.close()
-    if abs(values["pitch"]) >= math.pi / 2:
-        raise ConfigError(
-            "initial_state.pitch_deg must be in (-90, 90); "
-            f"received {table.number('pitch_deg'):g}."
-        )
-    state = GliderState(**values)
-    return _carried(state, water) if given else state
-
-
-def _carried(state: GliderState, water: Water | None) -> GliderState:
-    """The state over ground of a glider whose velocity is through the water."""
-    if water is None or water.current is None:
-        return state
-    zero = jnp.zeros_like(state.depth)
-    north, east = water.current.velocity(state.depth, zero)
-    drift = rotations.ned_to_body(state.attitude(), north, east, zero)
-    moved = {
-        name: getattr(state, name) + part
-        for name, part in zip(_LINEAR, drift, strict=True)
-    }
-    return dataclasses.replace(state, **moved)
-
-
 def read_disturbance(tables: list[TomlTable]) -> AbstractDisturbance:
     """The sum of the disturbances listed."""
     kinds = {
@@ -229,7 +146,7 @@ def read_disturbance(tables: list[TomlTable]) -> AbstractDisturbance:
     terms = []
     for table in tables:
         make = choice(table.get("type"), kinds, table.where("type"))
-        terms.append(_built(make, table.where("")[:-1], table))
+        terms.append(built(make, table.where("")[:-1], table))
         table.close()
     return Sum(tuple(terms))
 
@@ -260,40 +177,6 @@ def _coloured_noise(table: TomlTable) -> GaussMarkov:
     )
 
 
-def read_water(table: TomlTable, vehicle: VehicleData) -> Water | None:
-    """Currents and density; nothing if neither is asked for."""
-    current = stratification = None
-    if table.get("current", None) is not None:
-        own = table.table("current")
-        values = [own.number(key, 0.0) for key in CURRENT_KEYS]
-        period = own.number("tide_period_s", 44712.0)
-        phase = math.radians(own.number("tide_phase_deg", 0.0))
-        own.close()
-        current = _built(Current, "water.current", *values, period, phase)
-    if table.get("stratification", None) is not None:
-        own = table.table("stratification")
-        if vehicle.body is None:
-            mass = own.number("displaced_mass_kg")
-        else:
-            displaced = float(vehicle.body.displaced_mass(vehicle.parameters))
-            mass = own.number("displaced_mass_kg", displaced)
-        values = [own.number(key, 0.0) for key in STRATIFICATION_KEYS]
-        own.close()
-        stratification = _built(Stratification, "water.stratification", mass, *values)
-    table.close()
-    if current is None and stratification is None:
-        return None
-    return Water(current, stratification)
-
-
-CURRENT_KEYS = (
-    "north_m_s",
-    "east_m_s",
-    "shear_north_1_s",
-    "shear_east_1_s",
-    "tide_north_m_s",
-    "tide_east_m_s",
-)
 WAYPOINT_KEYS = (
     "north_m",
     "east_m",
@@ -303,11 +186,6 @@ WAYPOINT_KEYS = (
     "integral_gain",
     "start_north_m",
     "start_east_m",
-)
-STRATIFICATION_KEYS = (
-    "density_gradient_1_m",
-    "hull_compressibility_1_m",
-    "neutral_depth_m",
 )
 
 
@@ -356,12 +234,12 @@ def _waypoints(
     if origin.moved:
         where += f" (from the start at {origin.north:.10g}, {origin.east:.10g} on)"
     path.only(WAYPOINT_KEYS)
-    course: WaypointPath = _built(
+    course: WaypointPath = built(
         WaypointPath,
         where,
         [x - origin.north for x in path.numbers("north_m")],
         [x - origin.east for x in path.numbers("east_m")],
-        _built(
+        built(
             LineOfSight,
             "reference.waypoints",
             path.number("lookahead_m", float(guidance.lookahead)),
@@ -401,7 +279,7 @@ def _schedule(table: TomlTable, kind: str) -> Schedule:
     heading = (
         [0.0] * count if no_heading else column("heading_deg", default.heading, degrees)
     )
-    schedule = _built(
+    schedule = built(
         Schedule,
         "reference.schedule",
         start,

@@ -176,8 +176,8 @@ def write_trajectories(
         time.long_name = "start of the control tick"
         time.comment = f"a simulation has no date: {_EPOCH} stands for its start"
         time[:] = np.asarray(longest.ticks.time)
-        for name, units, text, where in _variables():
-            columns = [_column(run.ticks, where) for run in runs.values()]
+        for name, units, text, where in variables():
+            columns = [column(run.ticks, where) for run in runs.values()]
             _write_variable(file, name, units, text, columns)
 
 
@@ -194,11 +194,11 @@ def _write_variable(
         variable.standard_name = _STANDARD_NAMES[name]
     if name == "depth":
         variable.positive = "down"
-    for row, column in enumerate(columns):
-        variable[row, : len(column)] = np.asarray(column)
+    for row, values in enumerate(columns):
+        variable[row, : len(values)] = np.asarray(values)
 
 
-def _variables() -> Iterator[tuple[str, str, str, str]]:
+def variables() -> Iterator[tuple[str, str, str, str]]:
     """Name, unit, description and path in a tick of each variable in the file."""
     for name, (units, text) in _STATE.items():
         yield name, units, text, f"state.{name}"
@@ -232,6 +232,12 @@ def _variables() -> Iterator[tuple[str, str, str, str]]:
     yield "clock", "s", "time since the funnel was restarted", "clock"
 
 
-def _column(ticks: TickRecord, path: str) -> np.ndarray:
+def column(ticks: TickRecord, path: str) -> np.ndarray:
+    """Values of one variable, NaN in the ticks after the end of the mission.
+
+    Args:
+        ticks: records of a run, on the host.
+        path: path of the variable in a record.
+    """
     values = np.asarray(attrgetter(path)(ticks))
     return np.where(np.asarray(ticks.active), values, np.nan)

@@ -17,7 +17,8 @@ import numpy as np
 from jaxglider.core.toml import ConfigError, TomlTable, number, read_toml
 from jaxglider.environment.disturbances import ScaledDisturbance, Sum
 from jaxglider.files.file_kinds import refuse_other_kind
-from jaxglider.files.mission_tables import STATE_UNITS, read_disturbance
+from jaxglider.files.flight.start_tables import STATE_UNITS
+from jaxglider.files.mission_tables import read_disturbance
 from jaxglider.files.uncertainty_tables import (
     Additions,
     read_distribution,

@@ -208,7 +208,7 @@ def _scale(axes: Any) -> None:
         shape.append(width / side)
     bottom, top = axes.get_zlim()
     shape.append(float(np.clip(abs(bottom - top) / side, 0.7, 1.0)))
-    axes.set_box_aspect(shape, zoom=0.91)
+    axes.set_box_aspect(shape, zoom=0.86)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(4))
         axis.set_tick_params(pad=1.0)

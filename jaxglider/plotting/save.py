@@ -202,6 +202,10 @@ def _performance(
 
 def _in_space(runs: Mapping[str, Trajectory], path: WaypointPath | None) -> Figure:
     figure = new_figure(COLUMN, 3.65)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        # Names of axes in space count for nothing in a layout, and would be cut off.
+        engine.set(rect=(0.0, 0.08, 1.0, 0.92))  # type: ignore[call-arg]
     path_3d(figure.add_subplot(projection="3d"), runs, path)
     return figure
 

@@ -16,6 +16,7 @@ from tuning.cli.options.arguments import (
     add_duration,
     add_mission,
     add_overwrite,
+    add_table,
     count,
     law,
     law_or_all,
@@ -102,6 +103,7 @@ def _add_compare(commands: Any) -> None:
     add_actuators(parser)
     add_duration(parser)
     add_dt(parser)
+    add_table(parser)
     add_overwrite(parser)
     add_common(parser, "results/compare")
 
@@ -161,6 +163,7 @@ def _add_simulate(commands: Any) -> None:
         f"{', '.join(CONTROLLERS)}, or {OWN_LAW}",
     )
     add_controller_binary(parser, steered)
+    add_table(parser)
     add_overwrite(parser)
     add_common(parser, "results/simulate")
 

@@ -21,6 +21,7 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.flight import halves
 from jaxglider.simulation.rollout import Trajectory, simulate
 from tuning.evaluation.failures import command_that_shows, until_failure
+from tuning.evaluation.trajectory_tables import write_table
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
 from tuning.reporting.flights import markdown_flight, text_flight
@@ -137,7 +138,7 @@ def report_runs(
         group = [s for s in summaries if (s["scenario"], s["plant"]) == key]
         tables.append(text_table(group) + "\n")
         tables += [text + "\n" for text in map(text_flight, group) if text]
-    _write(options.out, done, result)
+    _write(options.out, done, result, options.table)
     print_result(result, "\n".join(tables), as_json=options.json)
     failed = [(d, s) for d, s in zip(done, summaries, strict=True) if d.failure]
     for one, run in failed:
@@ -167,7 +168,9 @@ def _note_failure(
     )
 
 
-def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
+def _write(
+    out: Path, done: list[FinishedRun], result: dict[str, Any], table: str | None
+) -> None:
     progress = Progress()
     progress.show(f"writing to {out} ...")
     write_json(out / "metrics.json", result)
@@ -180,6 +183,9 @@ def _write(out: Path, done: list[FinishedRun], result: dict[str, Any]) -> None:
     }
     origin = done[0].entry.loop.scenario.origin
     write_trajectories(out / "trajectories.nc", runs, result["provenance"], origin)
+    if table is not None:
+        for label, run in runs.items():
+            write_table(out / f"{_file_name(label)}.{table}", run)
     figures: list[Path] = []
     for scenario in dict.fromkeys(d.entry.scenario for d in done):
         progress.show(f"drawing {scenario} ...")

@@ -44,6 +44,7 @@ class TuningProblem:
         test: members for the verdict alone.
         cost_scale: cost of a run like the start; see `Objective.cost_scale`.
         starts_lost: whether the nominal run fails or rolls over at the start.
+        start_fails: whether it becomes non-finite there.
     """
 
     spec: ProblemSpec
@@ -55,6 +56,7 @@ class TuningProblem:
     test: Member
     cost_scale: float
     starts_lost: bool = False
+    start_fails: bool = False
 
     @classmethod
     def of(cls, spec: ProblemSpec) -> "TuningProblem":
@@ -91,6 +93,7 @@ class TuningProblem:
             test=draw(TEST, ensemble.test),
             cost_scale=objective.cost_scale(),
             starts_lost=not bool(start.finite) or bool(start.capsized),
+            start_fails=not bool(start.finite),
         )
 
     def loss(self, free: Any, member: Member) -> Any:

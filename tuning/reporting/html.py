@@ -63,7 +63,7 @@ def write_html(
 
 
 def _provenance(about: Mapping[str, Any]) -> Iterator[str]:
-    """How to repeat the result, and where it came from."""
+    """The command that repeats the result, and its origin."""
     command = about.get("command")
     yield "<h2>Where this comes from</h2>"
     if command:
@@ -116,7 +116,7 @@ def _blocks(text: str, folder: Path) -> Iterator[str]:
 
 
 def _kind(line: str) -> str:
-    """What a line of Markdown belongs to; empty for an empty one."""
+    """Kind of block that a line of Markdown belongs to; empty for an empty line."""
     starts = {
         "```": "code",
         "|": "table",

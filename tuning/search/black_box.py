@@ -16,6 +16,13 @@ from tuning.search.evolution import (
     default_population,
     random_search,
 )
+from tuning.search.rescue import (
+    SHOWN,
+    SearchResult,
+    all_lost,
+    cannot_start,
+    refuse_lost_task,
+)
 from tuning.search.settings import BlackBoxSettings, DescentSettings, Step
 
 SEARCHES: dict[str, Callable[..., Iterator[Generation]]] = {
@@ -40,7 +47,9 @@ def search_black_box(
 
     Raises:
         KeyboardInterrupt: it was interrupted before the first generation.
+        CannotStart: every glider is lost with all gains, or by the task itself.
     """
+    refuse_lost_task(problem, progress)
     progress.show("compiling the search ...")
     start = problem.space.read(problem.loop)
     members = member_count(problem.training)
@@ -78,6 +87,13 @@ def search_black_box(
         interrupted = True
         progress.clear()
         note("interrupted; keeping the best gains so far.")
+    if not interrupted and all_lost(problem, [step.loss for step in history]):
+        best = sorted(history[1:], key=lambda step: step.loss)[:SHOWN]
+        remark = f"members go astray with all of {len(history)} generations"
+        progress.show("looking why the gliders are lost ...")
+        error = cannot_start(problem, SearchResult(start, 0, remark, tuple(best)))
+        progress.clear()
+        raise error
     return SearchOutcome(_best(history), history, interrupted=interrupted)
 
 

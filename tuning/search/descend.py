@@ -19,11 +19,10 @@ from tuning.reporting.console import Progress, note
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descent import Descent
 from tuning.search.rescue import (
-    CannotStart,
     cannot_start,
     is_lost,
     promising_gains,
-    why_lost,
+    refuse_lost_task,
 )
 from tuning.search.settings import DescentSettings, State, Step
 
@@ -144,11 +143,7 @@ def _start(
     given = problem.space.read(problem.loop)
     found: list[str] = []
     if not resume and problem.starts_lost:
-        progress.show("the starting gains lose the glider; looking why ...")
-        why, of_the_task = why_lost(problem)
-        if of_the_task:
-            progress.clear()
-            raise CannotStart(f"nothing to tune: {why} No gains can mend that.")
+        refuse_lost_task(problem, progress)
         progress.show("the starting gains lose the glider; compiling a search ...")
         given = _rescued(problem, given, None, settings, progress, found)
     checking = beside(_gradient_remark, problem, given) if check else None

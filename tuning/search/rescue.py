@@ -17,7 +17,9 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import simulate
 from tuning.problem.lanes import FAILED_COST, member_count
 from tuning.problem.problem import TuningProblem
+from tuning.reporting.console import Progress
 from tuning.search.evolution import Generation, cma_es
+from tuning.search.settings import Step
 
 LOST_COST = 1.45
 """Objective from which a start is exchanged, in units of what a run like it costs on
@@ -69,7 +71,7 @@ class SearchResult(NamedTuple):
     free: Series
     rollouts: int
     remark: str
-    tried: tuple[Generation, ...] = ()
+    tried: tuple[Generation | Step, ...] = ()
 
 
 def is_lost(objectives: Series, cost_scale: float) -> bool:
@@ -170,6 +172,35 @@ def cannot_start(problem: TuningProblem, search: SearchResult) -> CannotStart:
         "the tick; `jaxglider simulate` or `compare` shows one flight."
     )
     return CannotStart("\n".join(lines), loops)
+
+
+def refuse_lost_task(problem: TuningProblem, progress: Progress) -> None:
+    """Refuse a problem whose nominal flight fails by what no gains can mend.
+
+    Args:
+        problem: problem to solve.
+        progress: line that shows what is done.
+
+    Raises:
+        CannotStart: it does.
+    """
+    if not problem.start_fails:
+        return
+    progress.show("the starting gains lose the glider; looking why ...")
+    why, of_the_task = why_lost(problem)
+    progress.clear()
+    if of_the_task:
+        raise CannotStart(f"nothing to tune: {why} No gains can mend that.")
+
+
+def all_lost(problem: TuningProblem, losses: Sequence[float]) -> bool:
+    """Whether all objectives are those of gains that lose every glider.
+
+    Args:
+        problem: problem to solve.
+        losses: objectives of some gains on the training members.
+    """
+    return not min(losses) < HOPELESS * FAILED_COST * problem.cost_scale
 
 
 def _change(before: float, after: float) -> float:

@@ -233,11 +233,13 @@ def leaves(loop: ClosedLoop, paths: Sequence[str]) -> list[Any]:
 
 def _unknown(pattern: str, known: list[str]) -> str:
     groups = {".".join(path.split(".")[:n]) for path in known for n in range(1, 6)}
-    near = difflib.get_close_matches(pattern, sorted(groups), 3)
+    # A word from within a path, such as the name of a channel, is meant as its end.
+    near = sorted(g for g in groups if g.endswith(f".{pattern}"))
+    near = near or difflib.get_close_matches(pattern, sorted(groups), 3)
     if near:
         return (
             f"{pattern!r} names nothing to tune in this closed loop; did you mean "
-            f"{' or '.join(near)}? Below {', '.join(_heads(known))} there are "
+            f"{' or '.join(near[:_SHOWN])}? Below {', '.join(_heads(known))} there are "
             f"{len(known)} numbers."
         )
     heads = _heads(known)

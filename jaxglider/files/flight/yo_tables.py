@@ -69,7 +69,7 @@ def built(make: Any, path: str, *args: Any, **kwargs: Any) -> Any:
         return make(*args, **kwargs)
     except ConfigError:
         raise
-    except (TypeError, ValueError) as error:
+    except (OSError, TypeError, ValueError) as error:
         raise ConfigError(f"{path}: {error}") from error
 
 

@@ -119,6 +119,7 @@ def _measures(summary: CampaignSummary) -> list[str]:
         "max_error_settled": "largest error once settled",
         "rms_effort": RMS_COMMAND,
         "chattering": RMS_STEP,
+        "travel": "travel",
         "time_outside_funnel": OUTSIDE,
     }
     named = {f"{c}.{m}": f"{c} {t}" for c in CHANNELS for m, t in titles.items()}

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from jaxglider.signals import CHANNEL_UNITS
+from jaxglider.signals import CHANNEL_UNITS, COMMAND_UNITS
 from tuning.campaign.analysis.summary import CampaignSummary, ControllerSummary
 
 LINES = {
@@ -35,12 +35,17 @@ def text_summary(summary: CampaignSummary) -> str:
         rows.append([title, *map(in_interval, entries)])
     rows += _specified(controllers)
     rows.append(["95 % of members below"])
+    every = list(controllers.values())
     for channel, unit in CHANNEL_UNITS.items():
         if channel == "depth" and flights:
             continue
         name = f"{channel}.rms_error"
         entries = [of.measures[name]["q95"] for of in controllers.values()]
         rows.append([f"  {channel} rms error [{unit}]", *map(_quantile, entries)])
+    for channel, command in zip(CHANNEL_UNITS, COMMAND_UNITS, strict=True):
+        entries = [of.measures[f"{channel}.travel"]["q95"] for of in every]
+        title = f"  {command.replace('_', ' ')} travel [{COMMAND_UNITS[command]}]"
+        rows.append([title, *map(_quantile, entries)])
     if flights:
         name = "flight.energy_per_through_water"
         entries = [of.measures[name]["q95"] for of in controllers.values()]
@@ -96,7 +101,7 @@ def _specified(controllers: dict[str, ControllerSummary]) -> list[list[str]]:
 def _aligned(rows: list[list[str]]) -> list[str]:
     """Lines of a table: titles to the left, the rest to the right."""
     wide = 2 + max(len(cell) for row in rows for cell in row[1:])
-    lines = [f"{row[0]:<24}" + "".join(f"{x:>{wide}}" for x in row[1:]) for row in rows]
+    lines = [f"{row[0]:<30}" + "".join(f"{x:>{wide}}" for x in row[1:]) for row in rows]
     return [line.rstrip() for line in lines]
 
 

@@ -11,6 +11,7 @@ from jaxglider.paper.tuned import has_tuned_gains
 from tuning.cli.options.arguments import PAPER_CONTROLLERS
 from tuning.cli.session.from_options import refuse_beside_mission
 from tuning.evaluation.runs import PlannedRun, report_runs, run_all
+from tuning.evaluation.trajectory_tables import check_kind
 from tuning.problem.case import DT, FlightCase
 from tuning.problem.gain_sets import (
     MISSION,
@@ -26,6 +27,7 @@ from tuning.reporting.output_folder import keep_other_results
 
 def compare(options: argparse.Namespace) -> int:
     """`jaxglider compare`: the paper's cases, or a mission, under the same sea."""
+    check_kind(options.table)
     keep_other_results(
         options.out / "metrics.json", sys.argv[1:], overwrite=options.overwrite
     )

@@ -32,6 +32,7 @@ from tuning.campaign.run.rows import (
     unit,
 )
 from tuning.campaign.run.store import Manifest, read_manifest, read_rows, whole_rows
+from tuning.evaluation.failures import until_failure
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.html import write_html
 from tuning.reporting.output_folder import writing_to
@@ -73,6 +74,7 @@ def _rerun(
     progress.clear()
     result = _result(campaign, manifest, kept[0], again[0], runs)
     _compare(result)
+    runs = _explained(campaign, member, runs, result)
     progress.show(f"writing to {out} ...")
     write_json(out / "member.json", result)
     loop = with_member(campaign.loops[0], _one(draw(campaign, member, 1)[1]))[0]
@@ -89,6 +91,24 @@ def _rerun(
     )
     text = f"member {member}\n" + text_table(result["runs"])
     print_result(result, text, as_json=options.json)
+
+
+def _explained(
+    campaign: Campaign,
+    member: int,
+    runs: dict[str, Trajectory],
+    result: dict[str, Any],
+) -> dict[str, Trajectory]:
+    """The runs, those that failed until then alone; it is said why they did."""
+    one, kept = _one(draw(campaign, member, 1)[1]), {}
+    for number, (label, run) in enumerate(runs.items()):
+        loop, sea, *_ = with_member(campaign.loops[number], one)
+        kept[label], failure = until_failure(loop, sea, run)
+        if failure is not None:
+            result["runs"][number]["failure"] = failure.to_dict()
+            for line in failure.lines():
+                note(f"{label}: {line}")
+    return kept
 
 
 def _page(result: dict[str, Any], title: str) -> str:

@@ -20,6 +20,7 @@ from tuning.evaluation.runs import (
     report_runs,
     run_all,
 )
+from tuning.evaluation.trajectory_tables import check_kind
 from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import PAPER
 from tuning.reporting.console import note
@@ -38,6 +39,7 @@ def simulate_mission(options: argparse.Namespace) -> int:
             "a mission file is required: MISSION or --config FILE. `jaxglider init` "
             "writes one to start from, `jaxglider missions` lists some that fly."
         )
+    check_kind(options.table)
     keep_other_results(
         options.out / "metrics.json", sys.argv[1:], overwrite=options.overwrite
     )

@@ -265,6 +265,15 @@ def add_overwrite(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_table(parser: argparse.ArgumentParser) -> None:
+    """Trajectories as tables, beside trajectories.nc."""
+    parser.add_argument(
+        "--table",
+        choices=("csv", "parquet"),
+        help="write each trajectory as such a table too; parquet needs pyarrow",
+    )
+
+
 def add_output(parser: argparse.ArgumentParser) -> None:
     """Precision, and how the result is printed."""
     parser.add_argument(

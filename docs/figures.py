@@ -1,0 +1,178 @@
+"""The sheet of all figures of a flight: `python docs/figures.py` draws it.
+
+Of three flights that were recorded once, `python docs/figures.py --record`: the paper's
+course with two laws, yos of a shallow Slocum, and a flight that fails. A test draws the
+sheet again and compares it with images/figures.png: nobody has to fly for it.
+"""
+
+import argparse
+import dataclasses
+import functools
+from collections.abc import Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+import jaxglider
+from jaxglider import paper
+from jaxglider.control.prescribed.funnel import Limits
+from jaxglider.files.flight.missions import mission_path
+from jaxglider.files.mission import build_mission, load_mission
+from jaxglider.files.user_law import label_of
+from jaxglider.plotting import figures
+from jaxglider.plotting.style import look
+from jaxglider.signals import CHANNELS, BodyAxes, Channels, Command, GliderState
+from jaxglider.simulation.checks.past import before, first_nonsense
+from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.metrics import empty_sums, finish
+from jaxglider.simulation.rollout import Trajectory
+from jaxglider.simulation.tick import TickRecord
+from jaxglider.vehicle.energy import Consumers
+
+HERE = Path(__file__).parent
+RECORDED, SHEET = HERE / "recorded", HERE / "images" / "figures.png"
+SIDE, COLUMNS = 330, 5
+"""Side of a cell of the sheet [pixels], and number of cells in a row."""
+
+
+_KINDS: dict[str, Any] = {
+    "state": GliderState,
+    **dict.fromkeys(("reference", "error", "surface"), Channels),
+    **dict.fromkeys(("limits", "law_limits"), Channels),
+    **dict.fromkeys(("wanted", "applied"), Command),
+    **dict.fromkeys(("estimate", "lumped", "disturbance"), BodyAxes),
+    "energy": Consumers,
+}
+_TURNING = {
+    "start_s": [0.0, 10.0],
+    "gliding_angle_deg": [-30.0, -30.0],
+    "heading_deg": [170.0, -170.0],
+    "depth_rate_m_s": [0.2, 0.2],
+}
+
+
+@functools.cache
+def flights() -> dict[str, tuple[str, int, dict[str, ClosedLoop]]]:
+    """Title, ticks from one record to the next, and closed loops of each flight."""
+    laws = ("smc", "fxtppc")
+    course = {law: paper.make_loop("waypoints", "rigid-body", law) for law in laws}
+    yos = load_mission(mission_path("slocum-shallow"))
+    dead = build_mission(
+        {
+            "vehicle": {"data": "slocum", "plant": "rigid-body"},
+            "clock": {"dt_s": 5.0, "duration_s": 300.0},
+            "reference": {"schedule": _TURNING},
+        }
+    )
+    return {
+        "course": ("waypoints on rigid-body", 50, course),
+        "yos": ("slocum-shallow on seawing", 5, {yos.controller: yos.loop}),
+        "failed": ("tick of 5 s on rigid-body", 1, {dead.controller: dead.loop}),
+    }
+
+
+def record() -> None:
+    """Fly all, and keep what figures are drawn of, in single precision."""
+    RECORDED.mkdir(exist_ok=True)
+    for name, (_, every, flown) in flights().items():
+        for law, loop in flown.items():
+            run = jax.jit(partial(jaxglider.simulate, keep_every=every))
+            sea = loop.scenario.sea(jax.random.key(0))
+            trajectory = jax.device_get(run(loop, sea))
+            culprit = first_nonsense(trajectory, 0.0)
+            if culprit is not None:
+                trajectory = before(trajectory, culprit.tick)
+            columns = dict(_columns("", trajectory.ticks))
+            np.savez_compressed(RECORDED / f"{name}-{law}.npz", **columns)
+
+
+def _columns(path: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """Path and values of each column of a record; counts and flags as they are."""
+    if dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            inner = getattr(value, field.name)
+            yield from _columns(f"{path}.{field.name}".strip("."), inner)
+    elif value is not None:
+        array = np.asarray(value)
+        single = np.issubdtype(array.dtype, np.floating)
+        yield path, array.astype(np.float32) if single else array
+
+
+def recorded(name: str, law: str) -> Trajectory:
+    """A flight as it was recorded; its metrics are empty."""
+    with np.load(RECORDED / f"{name}-{law}.npz") as file:
+        columns = {key: jnp.asarray(value) for key, value in file.items()}
+    ticks = jax.vmap(_tick)(columns)
+    zero, start = jnp.zeros(()), GliderState.at_rest()
+    metrics = finish(empty_sums(zero), start, jnp.asarray(0), zero + 1.0)
+    return Trajectory(ticks, metrics)
+
+
+def _tick(columns: dict[str, Any]) -> TickRecord:
+    """One record from its columns by their paths."""
+    numbers = {key: x for key, x in columns.items() if "." not in key}
+    parts = {key: _part(key, columns) for key in _KINDS}
+    return TickRecord(**{"phase": None} | numbers | parts)
+
+
+def _part(key: str, columns: Mapping[str, Any]) -> Any:
+    """A container of a record."""
+    start = f"{key}."
+    own = {k[len(start) :]: x for k, x in columns.items() if k.startswith(start)}
+    if not own:
+        return None
+    if key.endswith("limits"):
+        edges = {c: Limits(own[f"{c}.lower"], own[f"{c}.upper"]) for c in CHANNELS}
+        return Channels(**edges)
+    return _KINDS[key](**own)
+
+
+def cells() -> Iterator[tuple[str, np.ndarray]]:
+    """Name and picture of every figure, each in a cell of the sheet."""
+    for flight, (title, _, flown) in flights().items():
+        runs = {label_of(law): recorded(flight, law) for law in flown}
+        scenario = next(iter(flown.values())).scenario
+        for name, figure in figures(scenario, runs, title=title):
+            if flight == "course" or not name.startswith("performance"):
+                yield f"{flight}/{name}", _cell(figure)
+
+
+def _cell(figure: Figure) -> np.ndarray:
+    """A figure in the middle of a white cell, as large as fits."""
+    figure.set_dpi(0.98 * SIDE / max(figure.get_size_inches()))
+    canvas = FigureCanvasAgg(figure)
+    with look():
+        canvas.draw()
+    picture = np.asarray(canvas.buffer_rgba())[:, :, :3]
+    cell = np.full((SIDE, SIDE, 3), 255, np.uint8)
+    height, width = picture.shape[:2]
+    top, left = (SIDE - height) // 2, (SIDE - width) // 2
+    cell[top : top + height, left : left + width] = picture
+    return cell
+
+
+def sheet(drawn: Mapping[str, np.ndarray]) -> np.ndarray:
+    """All cells in rows, the last one filled up with white."""
+    pictures = list(drawn.values())
+    pictures += [np.full_like(pictures[0], 255)] * (-len(pictures) % COLUMNS)
+    starts = range(0, len(pictures), COLUMNS)
+    rows = [np.concatenate(pictures[n : n + COLUMNS], axis=1) for n in starts]
+    return np.concatenate(rows)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--record", action="store_true")
+    if parser.parse_args().record:
+        jax.config.update("jax_enable_x64", True)
+        record()
+    from PIL import Image
+
+    picture = Image.fromarray(sheet(dict(cells())))
+    picture.quantize(64).save(SHEET, optimize=True)
