@@ -18,17 +18,16 @@ os.environ["XLA_FLAGS"] = " ".join(
     ]
 ).strip()
 
-from jaxtyping import install_import_hook
+from shape_checks import install
 
 # All but the compiler to C, which has text and no shapes: a check of each of its calls,
 # 100,000 for a law, takes longer than what it does.
 _LIBRARY = Path(__file__).parents[1] / "jaxglider"
 _CHECKED = {path.stem for path in _LIBRARY.iterdir()} - {"export", "__init__"}
 _EXPORT = {path.stem for path in (_LIBRARY / "export").iterdir()} - {"c", "__init__"}
-install_import_hook(
+install(
     [f"jaxglider.{name}" for name in _CHECKED]
-    + [f"jaxglider.export.{name}" for name in _EXPORT],
-    "beartype.beartype",
+    + [f"jaxglider.export.{name}" for name in _EXPORT]
 )
 
 import jaxglider

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import jax.random as jr
 import numpy as np
 import pytest
+from test_gradients import _remembering
 from test_metrics import DURATION, LOOPS
 from test_physics import MatrixGlider, array
 
@@ -17,7 +18,7 @@ from jaxglider.control.observer import NoObserver
 from jaxglider.core.containers import as_float
 from jaxglider.environment.water import Current, Stratification, Water
 from jaxglider.signals import BodyAxes, GliderState
-from jaxglider.simulation.rollout import evaluate, simulate
+from jaxglider.simulation.rollout import evaluate, simulate, with_ticks
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +59,24 @@ def test_evaluate_gives_the_metrics_of_simulate(name, loops, runs, evaluate_jit)
     loop = loops[name]
     found = evaluate_jit(loop, loop.scenario.sea(jr.key(0)))
     assert_equal(found, runs[name].metrics, rtol=1e-9, atol=1e-13)
+
+
+def test_between_samples_actuators_move_on_in_every_kind_of_run(
+    evaluate_jit, simulate_jit
+):
+    """With a clock that samples once in many steps; held for a tick, they would not."""
+    loop, metrics = _remembering(10), {}
+    for moving in (True, False):
+        clock = dataclasses.replace(Clock.sampled(10.0, 1.0, 0.25), moving=moving)
+        scenario = dataclasses.replace(loop.scenario, clock=clock)
+        slow = dataclasses.replace(loop, scenario=scenario)
+        sea = scenario.sea(jr.key(0))
+        metrics[moving] = simulate_jit(slow, sea).metrics
+        assert with_ticks(slow, 3).scenario.clock.moving is moving
+        if moving:
+            assert_equal(evaluate_jit(slow, sea), metrics[True], rtol=1e-9, atol=1e-13)
+    pitch = {m: float(of.channels.pitch.rms_error) for m, of in metrics.items()}
+    assert abs(pitch[True] - pitch[False]) > 1e-4 * pitch[True]
 
 
 def replay(loop, ticks, method, every):

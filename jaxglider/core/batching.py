@@ -80,8 +80,10 @@ def map_members(
     if count < 1:
         raise ValueError("members must be at least one; received none.")
     shares = 1 if devices is None else len(devices)
-    lanes = min(block, -(-count // shares))
-    padded = shares * lanes * -(-count // (shares * lanes))
+    # As many blocks as it takes, of one size: 65 members are 2 of 33, not 64 and one.
+    blocks = -(-count // (shares * block))
+    lanes = -(-count // (shares * blocks))
+    padded = shares * lanes * blocks
     filled = jax.tree.map(lambda x: _pad(x, padded), members)
 
     def share(part: Any) -> Result:

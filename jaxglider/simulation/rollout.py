@@ -17,7 +17,7 @@ from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.flight import close_flight
 from jaxglider.simulation.metrics import Metrics, finish
-from jaxglider.simulation.scenario import Clock, Scenario
+from jaxglider.simulation.scenario import Scenario
 from jaxglider.simulation.tick import Carry, TickInput, TickPlan, TickRecord
 
 
@@ -184,13 +184,23 @@ def evaluate(
         share = jnp.exp(-loop.scenario.clock.dt / gradient_memory)
 
     # A tick does not ask how many there are: one trace for runs of all lengths.
-    clock = Clock(1, loop.scenario.clock.dt, loop.scenario.clock.substeps)
-    any_length = eqx.tree_at(lambda x: x.scenario.clock, loop, clock)
+    any_length = with_ticks(loop, 1)
 
     def tick(carry: Carry, inputs: TickInput) -> tuple[Carry, None]:
         return _advance(any_length, share, carry, inputs), None
 
     return roll(loop, sea, noise, tick, checkpoint_every=checkpoint_every)[0]
+
+
+def with_ticks(loop: ClosedLoop, ticks: int) -> ClosedLoop:
+    """The same loop with another number of ticks, and nothing else changed.
+
+    Args:
+        loop: closed loop.
+        ticks: number of control ticks.
+    """
+    clock = dataclasses.replace(loop.scenario.clock, ticks=ticks)
+    return eqx.tree_at(lambda at: at.scenario.clock, loop, clock)
 
 
 @traced_once

@@ -14,7 +14,6 @@ import numpy as np
 from jaxglider.signals import CHANNEL_UNITS, CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
-from jaxglider.simulation.scenario import Clock
 from tuning.evaluation.held_out import Judge
 
 APART = 1e-10
@@ -130,7 +129,7 @@ def with_tick(loop: ClosedLoop, factor: float) -> ClosedLoop:
     """
     clock = loop.scenario.clock
     ticks = max(round(clock.ticks / factor), 1)
-    changed = Clock(ticks, clock.dt * factor, clock.substeps)
+    changed = dataclasses.replace(clock, ticks=ticks, dt=clock.dt * factor)
     scenario = dataclasses.replace(loop.scenario, clock=changed)
     return dataclasses.replace(loop, scenario=scenario)
 

@@ -18,6 +18,7 @@ from jaxglider.core.traced_once import traced_once
 from jaxglider.signals import BodyAxes, Channels, map_fields, zeros
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics, finish
+from jaxglider.simulation.rollout import with_ticks
 from jaxglider.simulation.tick import Carry, TickInput, TickRecord
 
 
@@ -65,9 +66,11 @@ def assess(
     """
     due = _due(loop)
     dt = loop.scenario.clock.dt
+    # A tick does not ask how many there are: one trace for runs of all lengths.
+    any_length = with_ticks(loop, 1)
 
     def step(carry: tuple[Carry, _Watch], inputs: TickInput) -> Any:
-        return _watched_tick(loop, due, carry, inputs), None
+        return _watched_tick(any_length, due, carry, inputs), None
 
     start = loop.init()
     like = start.state.surge

@@ -88,10 +88,10 @@ def search_black_box(
         progress.clear()
         note("interrupted; keeping the best gains so far.")
     if not interrupted and all_lost(problem, [step.loss for step in history]):
-        best = sorted(history[1:], key=lambda step: step.loss)[:SHOWN]
+        leaders = sorted(history[1:], key=lambda step: step.loss)[:SHOWN]
         remark = f"members go astray with all of {len(history)} generations"
         progress.show("looking why the gliders are lost ...")
-        error = cannot_start(problem, SearchResult(start, 0, remark, tuple(best)))
+        error = cannot_start(problem, SearchResult(start, 0, remark, tuple(leaders)))
         progress.clear()
         raise error
     return SearchOutcome(_best(history), history, interrupted=interrupted)

@@ -6,12 +6,11 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Series
-from jaxglider.simulation.scenario import Clock
+from jaxglider.simulation.rollout import with_ticks
 from tuning.gradient_check.check import SHORT_STEPS, check_gradient
 from tuning.problem.members import nominal_member
 from tuning.problem.problem import TuningProblem
@@ -210,11 +209,7 @@ def _gradient_remark(problem: TuningProblem, start: Series) -> str:
     """
     clock = problem.loop.scenario.clock
     ticks = min(clock.ticks, round(CHECKED / float(clock.dt)))
-    brief = eqx.tree_at(
-        lambda loop: loop.scenario.clock,
-        problem.loop,
-        Clock(ticks, clock.dt, clock.substeps),
-    )
+    brief = with_ticks(problem.loop, ticks)
     beginning = dataclasses.replace(problem, loop=brief)
     member = jax.tree.map(lambda x: x[0], nominal_member(brief))
     report = check_gradient(

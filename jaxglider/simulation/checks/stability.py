@@ -24,7 +24,7 @@ from jaxglider.environment.disturbances import Calm
 from jaxglider.guidance import AttitudeSchedule, Schedule
 from jaxglider.signals import BodyAxes, zeros
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.scenario import Clock
+from jaxglider.simulation.rollout import with_ticks
 from jaxglider.simulation.tick import Carry, TickInput
 from jaxglider.trim.steady_motion import Target, steady_motion
 
@@ -148,10 +148,7 @@ def loop_modes(loop: ClosedLoop, glides: tuple[Glide, ...]) -> list[LoopModes]:
     clock = loop.scenario.clock
     dt = float(clock.dt)
     # Of one tick, so that its length is no part of the program.
-    scenario = dataclasses.replace(
-        loop.scenario, clock=Clock(1, clock.dt, clock.substeps)
-    )
-    loop = dataclasses.replace(loop, scenario=scenario)
+    loop = with_ticks(loop, 1)
     settling = round(SETTLING / dt)
     second = max(round(max(1.0, float(loop.controller.cycle_time())) / dt), 1)
     modes = []
@@ -234,10 +231,12 @@ def _derivative(
     size = flat.size
     step = np.finfo(flat.dtype).eps ** (1.0 / 3.0)
     rows = jnp.broadcast_to(flat, (2 * size, size))
-    middle = np.asarray(_advanced(loop, rows, 0, settling)[0], np.float64)
+    # Numbers of ticks are traced: one program settles and takes the difference.
+    begun, spans = jnp.asarray([0, settling]), jnp.asarray([settling, second])
+    middle = np.asarray(_advanced(loop, rows, begun[0], spans[0])[0], np.float64)
     steps = step * np.maximum(np.abs(middle), _SMALL)
     ends = np.concatenate([middle + np.diag(steps), middle - np.diag(steps)])
-    moved = _advanced(loop, jnp.asarray(ends, flat.dtype), settling, second)
+    moved = _advanced(loop, jnp.asarray(ends, flat.dtype), begun[1], spans[1])
     ahead, behind = np.split(np.asarray(moved, np.float64), 2)
     return ((ahead - behind) / (2.0 * steps[:, None])).T
 
@@ -246,8 +245,8 @@ def _derivative(
 def _advanced(
     loop: ClosedLoop,
     rows: Float[Array, "k m"],
-    first: int | Array,
-    ticks: int | Array,
+    first: Array,
+    ticks: Array,
 ) -> Float[Array, "k m"]:
     """The memory of each row, some ticks after the `first`."""
     begin = loop.init()
