@@ -181,7 +181,7 @@ def table(results: list[dict[str, Any]]) -> str:
         f"{best['scenario']} on {best['plant']}, each law {best['budget']}, judged on "
         f"{len(best['tuned']['good'])} others, the same for all; start → tuned.",
         "",
-        "| law | numbers | cost | less to the best, 95 % | better than at its start | "
+        "| law | numbers | cost | more than the first, 95 % | change by tuning, 95 % | "
         "depth [m] | pitch [rad] | heading [rad] | pump [kg] | mass [m] | angle [rad] "
         "| left a funnel | past 90° or lost | memory [B] |",
         "|---|---:|---:|---|---|---:|---:|---:|---:|---:|---:|---|---|---:|",
@@ -210,16 +210,20 @@ def _row(result: dict[str, Any], best: dict[str, Any]) -> str:
 def _headline(ranked: list[dict[str, Any]]) -> str:
     """Who wins, and by how much over the best law of the paper."""
     best = ranked[0]
-    name = f"**{BY_NAME[best['law']].label} wins**"
+    label = BY_NAME[best["law"]].label
+    name = f"**{label} wins**"
     papers = [r for r in ranked if r["law"] in PAPER_LAWS]
     others = [r for r in ranked if r["law"] not in PAPER_LAWS]
     if not papers or not others:
         return f"{name}."
     rival = others[0] if best["law"] in PAPER_LAWS else papers[0]
     whose = "other law" if best["law"] in PAPER_LAWS else "law of the paper"
-    gap = _interval(_costs(best), _costs(rival))
+    first, second = _costs(best), _costs(rival)
+    interval = paired_difference(first, second)["interval"]
+    if interval is not None and interval[0] <= 0.0:
+        name = f"**{label} is first, and not told from the best {whose}**"
     return (
-        f"{name}; the best {whose}, {BY_NAME[rival['law']].label}, costs {gap} more, "
+        f"{name}: {BY_NAME[rival['law']].label} costs {_interval(first, second)} more, "
         f"{_mean_cost(rival):.3g} against {_mean_cost(best):.3g}."
     )
 
@@ -281,6 +285,10 @@ def _figure(results: list[dict[str, Any]]) -> Any:
         )
     axes.set_xscale("log")
     axes.set_yscale("log")
+    axes.margins(x=0.15, y=0.08)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("{x:g}")
     axes.set_xlabel("way of the mass angle [rad], tuned; lines from the start")
     axes.set_ylabel("L2 of the heading error [rad]")
     return figure
