@@ -155,7 +155,7 @@ def test_no_command_shows_the_help_and_is_a_usage_error(call):
         ("swep", ("invalid choice: 'swep'", "did you mean sweep?")),
         ("compare --plant rigid", ("--plant", "did you mean rigid-body?")),
         ("simulate --config m.toml --seed 4294967296", ("--seed", "'4294967296'")),
-        ("validate", ("required", "FILE")),
+        ("validate", ("required", "MISSION")),
     ],
 )
 def test_wrong_usage_is_refused_with_argument_rule_and_value(call, arguments, parts):
