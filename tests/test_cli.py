@@ -126,7 +126,7 @@ def test_no_command_shows_the_help_and_is_a_usage_error(call):
     ("arguments", "parts"),
     [
         ("fly", ("invalid choice: 'fly'", "compare", "simulate")),
-        ("compare --controllers pid", ("--controllers", "'pid'", "smc", "fxtppc")),
+        ("compare --controllers mpc", ("--controllers", "'mpc'", "smc", "fxtppc")),
         ("compare --controllers", ("--controllers", "at least one")),
         ("compare --scenario lake", ("--scenario", "'lake'", "switching", "waypoints")),
         ("compare --plant real", ("--plant", "'real'", "rigid-body")),
@@ -148,14 +148,14 @@ def test_no_command_shows_the_help_and_is_a_usage_error(call):
         ("tune --uncertainty 1.5", ("--uncertainty", "[0, 1)", "'1.5'")),
         ("tune --gradient-memory -1", ("--gradient-memory", "'-1'")),
         ("tune --starts 0", ("--starts", "at least 1", "'0'")),
-        ("tune --controller pid", ("--controller", "'pid'", "smc", "fxtppc")),
+        ("tune --controller mpc", ("--controller", "'mpc'", "smc", "fxtppc")),
         ("simulate", ("required", "--config", "MISSION")),
         ("simulate a.toml --config b.toml", ("b.toml", "a.toml already; name one")),
         ("tune --stepz 2", ("tune: error: unrec", "--stepz; did you mean --steps?")),
         ("swep", ("invalid choice: 'swep'", "did you mean sweep?")),
         ("compare --plant rigid", ("--plant", "did you mean rigid-body?")),
         ("simulate --config m.toml --seed 4294967296", ("--seed", "'4294967296'")),
-        ("validate", ("required", "FILE")),
+        ("validate", ("required", "MISSION")),
     ],
 )
 def test_wrong_usage_is_refused_with_argument_rule_and_value(call, arguments, parts):
@@ -237,7 +237,7 @@ def test_what_cannot_be_used_is_refused_in_one_line(call, arguments, parts):
             "north_m = [9.0, 9.0]\neast_m = [1.0, 1.0]\n",
             ("reference.waypoints", "waypoint 2 equals waypoint 1", "remove one"),
         ),
-        ('[controller]\ntype = "pid"\n', ("controller.type", "smc, ppc, fxtppc")),
+        ('[controller]\ntype = "mpc"\n', ("controller.type", "smc, ppc, fxtppc")),
     ],
 )
 @pytest.mark.parametrize("command", ["validate", "simulate --config"])

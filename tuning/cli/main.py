@@ -43,7 +43,7 @@ def _run(arguments: list[str] | None) -> int:
         return USAGE
     if not options.debug:
         # What XLA says of itself while it compiles helps nobody who flies gliders.
-        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
+        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     try:
         with _output(options):
             return int(_COMMANDS[options.command](options))
