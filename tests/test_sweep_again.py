@@ -79,7 +79,7 @@ def test_a_member_run_again_is_the_campaigns_own_bit_for_bit(
     monkeypatch,
 ):
     small = functools.partial(Engine, piece=4)
-    one = lambda loops, example, devices=None: small(
+    one = lambda loops, example, devices=None, members=None: small(
         loops, example, jax.local_devices()[:1]
     )
     monkeypatch.setattr(tuning.campaign.execute, "Engine", one)

@@ -1,5 +1,7 @@
 """Objective, members, descent and checkpoint, on toys and on the paper's case."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +10,7 @@ import pytest
 from jaxglider import paper
 from jaxglider.signals import CHANNELS
 from jaxglider.simulation.rollout import evaluate
-from jaxglider.uncertainty.members import with_member
+from jaxglider.uncertainty.members import Member, with_member
 from jaxglider.uncertainty.quantities import uniform_uncertainty
 from tuning.evaluation.held_out import paired_means
 from tuning.problem.aggregates import CVaR, Mean, SoftWorst, make_aggregate
@@ -18,6 +20,7 @@ from tuning.problem.members import (
     TEST,
     TRAINING,
     VALIDATION,
+    and_nominal,
     nominal_member,
     sample_members,
 )
@@ -225,6 +228,22 @@ def test_nominal_member_is_the_loop_itself(loop, evaluate_jit):
     here = evaluate_jit(loop, loop.scenario.sea(jax.random.key(0)))
     for a, b in zip(jax.tree.leaves(there), jax.tree.leaves(here), strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+def test_the_nominal_case_flies_behind_the_members_it_joins(loop):
+    spread = uniform_uncertainty(loop.scenario, 0.2, 0.5)
+    varied = dataclasses.replace(loop, scenario=spread.scenario)
+    few = sample_members(spread, 7, TEST, 3)
+    every = and_nominal(few, varied)
+    for a, b in zip(jax.tree.leaves(few), jax.tree.leaves(every), strict=True):
+        np.testing.assert_array_equal(a, b[:3])
+    last = with_member(varied, jax.tree.map(lambda x: x[3], every))
+    own = with_member(varied, jax.tree.map(lambda x: x[0], nominal_member(varied)))
+    for a, b in zip(jax.tree.leaves(last), jax.tree.leaves(own), strict=True):
+        np.testing.assert_array_equal(a, b)
+    # An actuator without a limit of its speed has no number for it.
+    rate = Member({"actuators.mass_angle.rate_limit": jnp.ones(3)}, few.key)
+    assert and_nominal(rate, paper.make_loop(actuators="ideal", duration=1.0)) is None
 
 
 def test_descent_finds_the_bottom_of_a_bowl():

@@ -15,7 +15,7 @@ class Toy:
     width = STEP
     log: tuple = ()
 
-    def __init__(self, loops, example):
+    def __init__(self, loops, example, members):
         self._gains = len(loops)
 
     def run(self, members):

@@ -215,7 +215,9 @@ class Work:
         if self._engine is None:
             self._progress.show("compiling ...")
             example = draw(self._campaign, 0, 1)[1]
-            self._engine = Engine(self._campaign.loops, example)
+            self._engine = Engine(
+                self._campaign.loops, example, members=self._campaign.settings.members
+            )
             self._progress.show("running ...")
         self._begun = time.monotonic()
         return self._engine

@@ -12,8 +12,7 @@ from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.specification import Specification
-from jaxglider.uncertainty.members import Member
-from tuning.problem.members import nominal_member
+from tuning.problem.members import and_nominal, nominal_member
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.ledger import Entry, ledger, with_smoothing
 from tuning.reporting.statistics import student_half_width
@@ -118,23 +117,30 @@ class Judge:
 
     def __call__(self, loop: ClosedLoop) -> Judged:
         """Metrics of the nominal case and of the test members, and their ledger."""
-        test = self._problem.test
-        nominal, _ = self._on(loop, nominal_member(self._problem.loop))
-        held_out, witness = self._on(loop, test)
-        smoother = with_smoothing(loop, 0.1)
+        nominal, (held_out, witness) = self._runs(loop)
+        smoother, smooth = with_smoothing(loop, 0.1), None
         if smoother is not None:
-            smoother, _ = self._on(smoother, test)
-        return Judged(nominal, held_out, ledger(loop, held_out, witness, smoother))
+            _, (smooth, _) = self._runs(smoother)
+        return Judged(nominal, held_out, ledger(loop, held_out, witness, smooth))
 
     def metrics(self, loop: ClosedLoop) -> tuple[Metrics, Metrics]:
         """Metrics of the nominal case alone, and of the test members; on the host."""
-        members = nominal_member(self._problem.loop), self._problem.test
-        nominal, held_out = (self._on(loop, these)[0] for these in members)
+        nominal, (held_out, _) = self._runs(loop)
         return nominal, held_out
 
-    def _on(self, loop: ClosedLoop, members: Member) -> tuple[Any, Any]:
-        metrics, witness = jax.device_get(self._run(loop, members))
-        return metrics, witness
+    def _runs(self, loop: ClosedLoop) -> tuple[Metrics, tuple[Metrics, Any]]:
+        """Metrics of the nominal case; metrics and witness of the test members."""
+        test = self._problem.test
+        together = and_nominal(test, loop)
+        if together is None:
+            (nominal, _), held_out = (
+                jax.device_get(self._run(loop, members))
+                for members in (nominal_member(loop), test)
+            )
+            return nominal, held_out
+        every = jax.device_get(self._run(loop, together))
+        nominal, _ = jax.tree.map(lambda x: x[-1:], every)
+        return nominal, jax.tree.map(lambda x: x[:-1], every)
 
 
 def compare_held_out(

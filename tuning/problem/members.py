@@ -9,9 +9,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import jax.random as jr
+import numpy as np
 
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.uncertainty.members import Member, Uncertainty
+from jaxglider.uncertainty.members import Member, Uncertainty, look_up
 from jaxglider.uncertainty.sampling import MonteCarlo
 
 TRAINING, VALIDATION, TEST, SWEEP, SENSITIVITY = range(5)
@@ -20,6 +21,26 @@ TRAINING, VALIDATION, TEST, SWEEP, SENSITIVITY = range(5)
 def nominal_member(loop: ClosedLoop) -> Member:
     """The loop's own glider and sea, as an ensemble of one."""
     return Member({}, jr.key_data(jr.key(0))[None])
+
+
+def and_nominal(members: Member, loop: ClosedLoop) -> Member | None:
+    """The members, and behind them the loop's own glider and sea; one program for all.
+
+    None where a quantity has no nominal value, as the rate of an actuator without one.
+
+    Args:
+        members: ensemble.
+        loop: closed loop.
+    """
+    own = {path: look_up(loop.scenario, path) for path in members.values}
+    if any(value is None for value in own.values()):
+        return None
+    # Joined on the host, where nothing compiles.
+    values = {
+        path: jnp.asarray(np.append(x, own[path])) for path, x in members.values.items()
+    }
+    keys = np.concatenate([members.key, nominal_member(loop).key])
+    return Member(values, jnp.asarray(keys))
 
 
 def sample_members(

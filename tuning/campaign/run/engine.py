@@ -35,31 +35,27 @@ class Engine:
         example: Member,
         devices: Sequence[jax.Device] | None = None,
         piece: int | None = None,
+        members: int | None = None,
     ) -> None:
-        """Compile the loops, side by side.
+        """Compile the loops, side by side; those of one kind are one program.
 
         Args:
             loops: closed loops, one for each set of gains.
             example: an ensemble of at least one member.
             devices: devices to use; all of this process by default.
             piece: members to a piece; what suits the devices by default.
+            members: number of members to come; devices that so few do not reach are
+                compiled for when more come. By default all devices.
         """
         self._devices = list(devices or jax.local_devices())
         on_cpu = self._devices[0].platform == "cpu"
         self.piece = piece or (PIECE if on_cpu else PIECE_ON_ACCELERATOR)
         block = BLOCK if on_cpu else self.piece
-        run = jax.jit(lambda loop, members: _outcomes(loop, members, block))
+        self._run = jax.jit(lambda loop, members: _outcomes(loop, members, block))
         self._loops = [jax.device_put(list(loops), device) for device in self._devices]
-        filled = _filled(example, 0, 1, self.piece)
-
-        def compiled(pair: tuple[int, int]) -> Any:
-            device, number = pair
-            members = jax.device_put(filled, self._devices[device])
-            return run.lower(self._loops[device][number], members).compile()
-
-        pairs = [(d, g) for g in range(len(loops)) for d in range(len(self._devices))]
-        with concurrent.futures.ThreadPoolExecutor(len(self._devices)) as pool:
-            self._programs = dict(zip(pairs, pool.map(compiled, pairs), strict=True))
+        self._kinds = [_kind(loop) for loop in loops]
+        self._programs: dict[tuple[int, Any], Any] = {}
+        self._compile(self.width if members is None else members, example)
 
     @property
     def width(self) -> int:
@@ -74,6 +70,7 @@ class Engine:
         """
         members = jax.tree.map(np.asarray, members)
         count = len(members.key)
+        self._compile(count, members)
         pending = []
         for number, start in enumerate(range(0, count, self.piece)):
             device = number % len(self._devices)
@@ -83,8 +80,8 @@ class Engine:
             )
             pending.append(
                 [
-                    self._programs[device, g](loop, part)
-                    for g, loop in enumerate(self._loops[device])
+                    self._programs[device, kind](loop, part)
+                    for kind, loop in zip(self._kinds, self._loops[device], strict=True)
                 ]
             )
         done = [
@@ -92,6 +89,37 @@ class Engine:
             for piece in pending
         ]
         return np.concatenate(done)[:count]
+
+    def _compile(self, count: int, example: Member) -> None:
+        """Compile what is missing for the devices that some members reach."""
+        reached = min(-(-count // self.piece), len(self._devices))
+        numbers = {kind: number for number, kind in enumerate(self._kinds)}
+        missing = [
+            (device, kind)
+            for kind in numbers
+            for device in range(reached)
+            if (device, kind) not in self._programs
+        ]
+        if not missing:
+            return
+        filled = _filled(example, 0, 1, self.piece)
+
+        def compiled(pair: tuple[int, Any]) -> Any:
+            device, kind = pair
+            members = jax.device_put(filled, self._devices[device])
+            return self._run.lower(
+                self._loops[device][numbers[kind]], members
+            ).compile()
+
+        with concurrent.futures.ThreadPoolExecutor(len(self._devices)) as pool:
+            found = pool.map(compiled, missing)
+            self._programs |= dict(zip(missing, found, strict=True))
+
+
+def _kind(loop: ClosedLoop) -> Any:
+    """Kind of loop that a program serves: structure with all that is static, types."""
+    types = tuple(jax.typeof(x) for x in jax.tree.leaves(loop))
+    return jax.tree.structure(loop), types
 
 
 def _outcomes(loop: ClosedLoop, members: Member, block: int) -> tuple[Metrics, Witness]:

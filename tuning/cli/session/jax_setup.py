@@ -37,6 +37,9 @@ def start_jax(precision: int, *, every_core: bool = False) -> None:
             )
         else:
             jax.config.update("jax_compilation_cache_dir", str(folder / "programs"))
+    if "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS" not in os.environ:
+        # Small programs too: a hundred of them take seconds of every start.
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 def _can_be_written(folder: Path) -> bool:
