@@ -27,7 +27,7 @@ from tuning.cli.session.jax_setup import start_jax
 ANGLE, RATE = math.radians(26.0), 0.1
 PHASES = (2000.0, 2400.0, 3200.0)
 """Ends of the phases [s]."""
-LAWS, PLANTS = ("fxtppc", "ppc", "smc"), ("rigid-body", "seawing")
+LAWS, PLANTS = ("fxtppc", "ppc", "smc", "pid"), ("rigid-body", "seawing")
 
 
 def main() -> int:
