@@ -4,7 +4,6 @@ import argparse
 import dataclasses
 import os
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +85,7 @@ def run_all(
     Returns:
         The runs made, and whether they were interrupted.
     """
-    run = jax.jit(partial(simulate, keep_every=keep_every))
+    run = jax.jit(simulate, static_argnames="keep_every")
     progress, done = Progress(), []
     try:
         for number, entry in enumerate(entries, 1):
@@ -95,7 +94,7 @@ def run_all(
                 "compiling and running ..."
             )
             sea = entry.loop.scenario.sea(jax.random.key(seed))
-            flown = jax.device_get(run(entry.loop, sea))
+            flown = jax.device_get(run(entry.loop, sea, keep_every=keep_every))
             done.append(
                 FinishedRun(entry, *until_failure(entry.loop, sea, flown, keep_every))
             )

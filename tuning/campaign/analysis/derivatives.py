@@ -37,12 +37,7 @@ def gradient_scores(
         By name of the output; NaN where no member has a finite derivative.
     """
     members = draw(campaign, 0, min(count, MEMBERS))[1]
-    run = jax.jit(
-        lambda loop, members: map_members(
-            lambda member: _slopes(loop, member), members, block=_BLOCK
-        )
-    )
-    slopes = jax.device_get(run(campaign.loops[number], members))
+    slopes = jax.device_get(jax.jit(_all_slopes)(campaign.loops[number], members))
     scales = [q.standard_deviation() for q in campaign.uncertainty.quantities]
     columns = [
         scale * np.abs(np.asarray(slopes[q.path], np.float64))
@@ -57,6 +52,14 @@ def gradient_scores(
             np.full(len(columns), np.nan) if median is None else median
         )
     return scores
+
+
+def _all_slopes(loop: ClosedLoop, members: Member) -> dict[str, jax.Array]:
+    """Derivatives of each member; JAX knows it again for loops of one kind."""
+    slopes: dict[str, jax.Array] = map_members(
+        lambda member: _slopes(loop, member), members, block=_BLOCK
+    )
+    return slopes
 
 
 def _slopes(loop: ClosedLoop, member: Member) -> dict[str, jax.Array]:

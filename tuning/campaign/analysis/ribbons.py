@@ -1,6 +1,7 @@
 """Errors over time: a few hundred members, thinned, and the worst of all."""
 
 import dataclasses
+from typing import Any
 
 import jax
 import numpy as np
@@ -55,12 +56,10 @@ def ribbons(campaign: Campaign, number: int, count: int, worst: int) -> Ribbons:
     members = jax.tree.map(
         lambda a, b: np.concatenate([np.asarray(a), np.asarray(b)]), chosen, extra
     )
-    run = jax.jit(
-        lambda loop, members: map_members(
-            lambda member: _errors(loop, member, step), members
-        )
+    run = jax.jit(_curves, static_argnames="step")
+    active, error, lower, upper = jax.device_get(
+        run(campaign.loops[number], members, step=step)
     )
-    active, error, lower, upper = jax.device_get(run(campaign.loops[number], members))
     time = np.asarray(clock.times())[:-1][::step]
     errors, edges, last = {}, {}, {}
     for name in CHANNELS:
@@ -68,6 +67,11 @@ def ribbons(campaign: Campaign, number: int, count: int, worst: int) -> Ribbons:
         errors[name], last[name] = curves[:-1], curves[-1]
         edges[name] = (getattr(lower, name)[-1], getattr(upper, name)[-1])
     return Ribbons(time=time, errors=errors, edges=edges, worst=last)
+
+
+def _curves(loop: ClosedLoop, members: Member, step: int) -> Any:
+    """Errors of each member; JAX knows it again for loops of one kind."""
+    return map_members(lambda member: _errors(loop, member, step), members)
 
 
 def _errors(
