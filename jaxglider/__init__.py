@@ -30,6 +30,20 @@ from jaxglider.guidance import AttitudeSchedule as AttitudeSchedule
 from jaxglider.guidance import LineOfSight as LineOfSight
 from jaxglider.guidance import Schedule as Schedule
 from jaxglider.guidance import WaypointPath as WaypointPath
+from jaxglider.navigation.catalogue import make_estimator as make_estimator
+from jaxglider.navigation.fixed_time import (
+    FixedTimeStateObserver as FixedTimeStateObserver,
+)
+from jaxglider.navigation.kalman import ModelAided as ModelAided
+from jaxglider.navigation.linear import LinearObserver as LinearObserver
+from jaxglider.navigation.perfect import Perfect as Perfect
+from jaxglider.navigation.reckoning import Reckoning as Reckoning
+from jaxglider.navigation.sensing.altimeter import Altimeter as Altimeter
+from jaxglider.navigation.sensing.instrument import Compass as Compass
+from jaxglider.navigation.sensing.instrument import Instrument as Instrument
+from jaxglider.navigation.sensing.positioning import Positioning as Positioning
+from jaxglider.navigation.sensing.readings import Instruments as Instruments
+from jaxglider.navigation.sensing.readings import Sensed as Sensed
 from jaxglider.signals import BodyAxes as BodyAxes
 from jaxglider.signals import Channels as Channels
 from jaxglider.signals import Command as Command

@@ -218,6 +218,9 @@ class Measurement(eqx.Module):
         charge: energy left in the battery [J], or None where nothing counts it.
         buoyancy_mass: ballast that the plan has ordered [kg], or None where the law
             pumps as it likes.
+        current: velocity of the water that the glider reckons with, north and east
+            [m/s]: then the velocity of `state` is the one through the water; or None.
+        aground: flag, the glider has met the bottom; None to tell it by the altitude.
     """
 
     state: GliderState
@@ -227,6 +230,8 @@ class Measurement(eqx.Module):
     altitude: Scalar | None = None
     charge: Scalar | None = None
     buoyancy_mass: Scalar | None = None
+    current: tuple[Scalar, Scalar] | None = None
+    aground: jax.Array | None = None
 
 
 def map_fields(function: Callable[..., Any], first: Any, *rest: Any) -> Any:

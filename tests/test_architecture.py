@@ -25,6 +25,8 @@ ROOMS = (
     "jaxglider.control.flown",
     "jaxglider.control.textbook",
     "jaxglider.control.catalogue",
+    "jaxglider.navigation.sensing",
+    "jaxglider.navigation",
     "jaxglider.trim",
     "jaxglider.simulation",
     "jaxglider.simulation.checks",
@@ -126,7 +128,7 @@ def test_module_is_in_a_room_and_imports_nothing_above_it(path):
     "module",
     [
         "jaxglider.helpers",
-        "jaxglider.navigation.filter",
+        "jaxglider.piloting.filter",
         "tuning.more",
         "tuning.cli.sub.more",
     ],

@@ -23,12 +23,26 @@ glider floats h ≈ D √(m_b/3m) out of the water: it matters little."""
 
 def surface_force(plant: AbstractPlant, state: GliderState) -> BodyAxes[Scalar]:
     """Weight of the hull out of the water and what its waves take [N], body frame."""
-    a = state.attitude()
     gravity, mass = plant.parameters.gravity, plant.displaced_mass()
+    a = state.attitude()
+    pull = emerged_weight(gravity, mass, state, a)
+    zero = jnp.zeros_like(pull)
+    return BodyAxes(*frames.ned_to_body(a, zero, zero, pull), zero, zero, zero)
+
+
+def emerged_weight(
+    gravity: Scalar, mass: Scalar, state: GliderState, a: frames.Attitude
+) -> Scalar:
+    """The same straight down [N].
+
+    Args:
+        gravity: g [m/s²].
+        mass: m, mass of the water that the glider displaces [kg].
+        state: state of the glider.
+        a: attitude of it.
+    """
     s = jnp.clip(-state.depth / DIAMETER, 0.0, 1.0)
     _, _, sinking = frames.body_to_ned(a, state.surge, state.sway, state.heave)
     weight = gravity * s * s * (3.0 - 2.0 * s)
     waves = jnp.sqrt(gravity / DIAMETER) * 4.0 * s * (1.0 - s) * sinking
-    pull = mass * (weight - waves)
-    zero = jnp.zeros_like(pull)
-    return BodyAxes(*frames.ned_to_body(a, zero, zero, pull), zero, zero, zero)
+    return mass * (weight - waves)

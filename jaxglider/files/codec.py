@@ -25,12 +25,15 @@ from jaxglider.core.toml import (
     whole_number,
 )
 from jaxglider.files.user_law import spec_of
+from jaxglider.navigation.catalogue import ESTIMATORS
+from jaxglider.navigation.estimator import AbstractEstimator
 from jaxglider.signals import CHANNEL_UNITS
 from jaxglider.vehicle.design_model import DesignModel
 
 FAMILIES: dict[type, dict[str, type]] = {
     AbstractController: {name: entry.cls for name, entry in BY_NAME.items()},
     AbstractObserver: dict(OBSERVERS),
+    AbstractEstimator: dict(ESTIMATORS),
     AbstractPerformanceFunction: dict(PERFORMANCE_FUNCTIONS),
     AbstractSteering: dict(STEERINGS),
 }

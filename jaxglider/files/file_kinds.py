@@ -7,10 +7,12 @@ from jaxglider.vehicle.published import VEHICLE_TABLES
 
 _SHARED = {"actuators", "disturbance", "initial_state", "vehicle"}
 _KEYS = {
-    "gains": {"format", "controller", "observer", "guidance", "provenance"},
+    "gains": {"format", "controller", "observer", "guidance", "provenance"}
+    | {"estimator"},
     "mission": _SHARED
     | {"name", "seed", "clock", "controller", "funnel", "observer", "reference"}
-    | {"energy", "seabed", "specification", "water"},
+    | {"energy", "seabed", "specification", "water"}
+    | {"estimator", "sensors"},
     "objective": {"weights", "aggregate"},
     "uncertainty": _SHARED | {"failure", "sensors"},
     "vehicle": set(VEHICLE_TABLES),

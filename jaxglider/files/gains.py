@@ -20,6 +20,14 @@ from jaxglider.files.law_paths import found_from, is_own, seen_from
 from jaxglider.files.user_law import first_gains, source_of
 from jaxglider.guidance import LineOfSight
 from jaxglider.guidance.routes import route_of
+from jaxglider.navigation.catalogue import (
+    DEFAULT,
+    ESTIMATORS,
+    make_estimator,
+    usual_instruments,
+)
+from jaxglider.navigation.estimator import AbstractEstimator
+from jaxglider.navigation.sensing.readings import Instruments
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.gains import LoadedGains as LoadedGains
 from jaxglider.vehicle.design_model import DesignModel
@@ -35,7 +43,7 @@ def encode_law(loop: ClosedLoop, folder: str | Path | None = None) -> dict[str, 
     """
     path = route_of(loop.scenario.reference)
     guidance = None if path is None else path.line_of_sight
-    tables = encode_gains(loop.controller, loop.observer, guidance)
+    tables = encode_gains(loop.controller, loop.observer, guidance, loop.estimator)
     if folder is not None:
         controller = tables["controller"]
         controller["type"] = seen_from(folder, controller["type"])
@@ -46,6 +54,7 @@ def encode_gains(
     controller: AbstractController,
     observer: AbstractObserver,
     guidance: LineOfSight | None,
+    estimator: AbstractEstimator | None = None,
 ) -> dict[str, Any]:
     """Gains of a law, its observer and its guidance as the tables of a gains file.
 
@@ -53,12 +62,15 @@ def encode_gains(
         controller: control law with its gains.
         observer: disturbance observer with its gains.
         guidance: gains of the line of sight, or None for none.
+        estimator: estimator with its gains, or None for none.
     """
     tables = {
         "format": 1,
         "controller": encode(controller),
         "observer": encode(observer),
     }
+    if estimator is not None:
+        tables["estimator"] = encode(estimator)
     return tables if guidance is None else tables | {"guidance": encode(guidance)}
 
 
@@ -181,15 +193,75 @@ def decode_gains(
     guidance = top.get("guidance", None)
     if guidance is not None:
         guidance = decode(paper.guidance(), guidance, "guidance")
+    estimator = top.get("estimator", None)
+    if estimator is not None:
+        estimator = decode_estimator(estimator, None, model)
     top.get("provenance", None)
     choice(str(top.get("format", 1)), {"1": 1}, "format")
     top.close()
-    return LoadedGains(kind, controller, observer, guidance)
+    return LoadedGains(kind, controller, observer, guidance, estimator)
 
 
 def _is_older(controller: dict[str, Any]) -> bool:
     """Whether a table has numbers of a law but no steering."""
     return "steering" not in controller and bool(set(controller) - {"type"})
+
+
+def decode_estimator(
+    table: Any,
+    default: AbstractEstimator | None,
+    model: DesignModel,
+    instruments: Instruments | None = None,
+) -> Any:
+    """The estimator a table asks for.
+
+    Args:
+        table: table of the estimator in the file.
+        default: estimator whose numbers the table overrides, if it is of its kind; None
+            for the usual one.
+        model: design model.
+        instruments: sensors that it reads; the usual ones by default.
+
+    Raises:
+        ConfigError: names the key, the rule and the value.
+    """
+    kind = DEFAULT if default is None else None
+    if isinstance(table, dict) and "type" in table:
+        kind = table["type"]
+        choice(kind, dict(ESTIMATORS), "estimator.type")
+    if kind is not None and type(default) is not ESTIMATORS[kind]:
+        default = make_estimator(kind, model, instruments or usual_instruments())
+    return decode(default, table, "estimator")
+
+
+def mission_estimator(
+    table: Any,
+    own: AbstractEstimator | None,
+    model: DesignModel,
+    instruments: Instruments | None,
+) -> AbstractEstimator | None:
+    """The estimator of a mission: that of its table, of its gains, or the usual one.
+
+    Args:
+        table: table `estimator` of the mission, or None.
+        own: estimator of its gains file, or None.
+        model: design model.
+        instruments: sensors of the mission, or None for none.
+
+    Raises:
+        ConfigError: a table of it without sensors, or a bad value.
+    """
+    if table is not None and instruments is None:
+        raise ConfigError(
+            "estimator needs a table sensors, for what it reads; received none. An "
+            "empty one, [sensors], stands for those of the vehicle."
+        )
+    if table is None and (own is not None or instruments is None):
+        return own
+    estimator: AbstractEstimator = decode_estimator(
+        table or {}, own, model, instruments
+    )
+    return estimator
 
 
 def decode_observer(table: Any, default: Any, model: DesignModel) -> Any:

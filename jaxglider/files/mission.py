@@ -17,6 +17,7 @@ from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode
 from jaxglider.files.course_remarks import course_remarks, vehicle_remarks
 from jaxglider.files.file_kinds import refuse_other_kind
+from jaxglider.files.flight.sensor_tables import read_reckoning, read_sensors
 from jaxglider.files.flight.start_tables import (
     read_initial_state,
     read_origin,
@@ -27,6 +28,7 @@ from jaxglider.files.gains import (
     decode_gains,
     decode_observer,
     kind_of,
+    mission_estimator,
     read_gains,
     with_law_found,
     with_law_inside,
@@ -167,6 +169,8 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     bottom = top.get("seabed", None)
     seabed = read_seabed(None if bottom is None else top.table("seabed"))
     energy = read_energy(top.table("energy"), vehicle.energy)
+    sensing = None if top.get("sensors", None) is None else top.table("sensors")
+    instruments = read_sensors(sensing, vehicle.sensors)
     try:
         scenario = Scenario(
             *parts,
@@ -175,15 +179,20 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
             water=water,
             seabed=seabed,
             energy=energy,
+            instruments=instruments,
+            reckoning=read_reckoning(instruments, plant, vehicle),
         )
     except ValueError as error:
         raise ConfigError(str(error)) from error
     table = top.table("observer")
     observer = decode_observer(table.rest(), law.observer, model)
+    estimator = mission_estimator(
+        top.get("estimator", None), law.estimator, model, scenario.instruments
+    )
     top.close()
     path = route_of(scenario.reference)
     guidance = None if path is None else path.line_of_sight
-    law = law._replace(observer=observer, guidance=guidance)
+    law = law._replace(observer=observer, guidance=guidance, estimator=estimator)
     loop, beyond = law.on(scenario), vehicle_remarks(vehicle, plant_name, parts[2])
     remarks = (*course_remarks(data), *beyond)
     return Mission(name, loop, seed, law, model, plant_name, remarks, _stand_ins(data))

@@ -16,6 +16,7 @@ import numpy as np
 
 from jaxglider.files.writing import replacing
 from jaxglider.guidance.phases import STATUSES
+from jaxglider.navigation.errors import NavigationMetrics
 from jaxglider.signals import CHANNEL_UNITS, COMMAND_UNITS
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.origin import MAP_ZERO, Origin
@@ -84,6 +85,8 @@ def _flight(metrics: Metrics) -> dict[str, Any]:
     told: dict[str, Any] = {}
     if metrics.status is not None:
         told["status"] = STATUSES[int(metrics.status)]
+    if metrics.navigation is not None:
+        told["navigation"] = _navigation(metrics.navigation)
     if metrics.flight is not None:
         told["flight"] = {
             f"{name}_{FLIGHT_UNITS[name]}" if name in FLIGHT_UNITS else name: (
@@ -96,6 +99,28 @@ def _flight(metrics: Metrics) -> dict[str, Any]:
     return told
 
 
+def _navigation(metrics: NavigationMetrics) -> dict[str, Any]:
+    """The errors of what is known on board, keys with their units."""
+    told: dict[str, Any] = {}
+    for name, value in vars(metrics).items():
+        if isinstance(value, eqx.Module):
+            told[f"{name}_rms"] = {
+                f"{key}_{NAVIGATION_UNITS[key]}": json_number(number)
+                for key, number in vars(value).items()
+            }
+        else:
+            unit = NAVIGATION_UNITS.get(name)
+            told[f"{name}_{unit}" if unit else name] = json_number(value)
+    return told
+
+
+NAVIGATION_UNITS = {
+    **dict.fromkeys(("depth", "miss"), "m"),
+    **dict.fromkeys(("depth_rate", "surge", "sway", "heave", "current_error"), "m_s"),
+    **dict.fromkeys(("pitch", "heading"), "rad"),
+    **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), "rad_s"),
+}
+"""Units at the end of the keys of the errors of navigation."""
 FLIGHT_UNITS = {
     **dict.fromkeys(("energy", "total_energy"), "J"),
     **dict.fromkeys(("energy_per_made_good", "energy_per_through_water"), "J_m"),
@@ -176,7 +201,8 @@ def write_trajectories(
         time.long_name = "start of the control tick"
         time.comment = f"a simulation has no date: {_EPOCH} stands for its start"
         time[:] = np.asarray(longest.ticks.time)
-        for name, units, text, where in variables():
+        known = all(run.ticks.onboard is not None for run in runs.values())
+        for name, units, text, where in variables(known):
             columns = [column(run.ticks, where) for run in runs.values()]
             _write_variable(file, name, units, text, columns)
 
@@ -198,7 +224,7 @@ def _write_variable(
         variable[row, : len(values)] = np.asarray(values)
 
 
-def variables() -> Iterator[tuple[str, str, str, str]]:
+def variables(onboard: bool = False) -> Iterator[tuple[str, str, str, str]]:
     """Name, unit, description and path in a tick of each variable in the file."""
     for name, (units, text) in _STATE.items():
         yield name, units, text, f"state.{name}"
@@ -228,6 +254,22 @@ def variables() -> Iterator[tuple[str, str, str, str]]:
                 f"{name}: {text}, body frame",
                 f"{kind}.{name}",
             )
+    if onboard:
+        for name, (units, text) in _STATE.items():
+            yield (
+                f"{name}_estimated",
+                units,
+                f"{text}, as known on board",
+                f"onboard.estimate.{name}",
+            )
+        for name in ("depth", "roll", "pitch", "heading"):
+            text = f"{name} as its sensor shows it"
+            yield f"{name}_shown", _STATE[name][0], text, f"onboard.shown.{name}"
+        for number, name in enumerate(("north", "east")):
+            text = f"velocity {name} of the water that is reckoned with"
+            yield f"current_{name}", "m s-1", text, f"onboard.current.{number}"
+            text = f"fix {name} by satellite"
+            yield f"fix_{name}", "m", text, f"onboard.fix.{number}"
     yield "target", "1", "waypoint or segment being followed", "target"
     yield "clock", "s", "time since the funnel was restarted", "clock"
 
@@ -239,5 +281,9 @@ def column(ticks: TickRecord, path: str) -> np.ndarray:
         ticks: records of a run, on the host.
         path: path of the variable in a record.
     """
-    values = np.asarray(attrgetter(path)(ticks))
+    place, _, number = path.rpartition(".")
+    if number.isdigit():
+        values = np.asarray(attrgetter(place)(ticks)[int(number)])
+    else:
+        values = np.asarray(attrgetter(path)(ticks))
     return np.where(np.asarray(ticks.active), values, np.nan)

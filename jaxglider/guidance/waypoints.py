@@ -172,6 +172,9 @@ class WaypointPath(AbstractReference):
         north_rate, east_rate, _ = body_to_ned(
             measurement.attitude, s.surge, s.sway, s.heave
         )
+        if measurement.current is not None:
+            north_rate = north_rate + measurement.current[0]
+            east_rate = east_rate + measurement.current[1]
         relative, rate, integral_rate = self.line_of_sight(
             leg.cosine * off_east - leg.sine * off_north,
             leg.cosine * east_rate - leg.sine * north_rate,

@@ -150,7 +150,10 @@ class Yo(AbstractReference):
         if measurement.charge is not None:
             rules.insert(0, (measurement.charge <= 0.0, names.BATTERY_EMPTY))
         if measurement.altitude is not None:
-            rules.insert(0, (measurement.altitude <= 0.0, names.BOTTOM))
+            aground = measurement.aground
+            if aground is None:
+                aground = measurement.altitude <= 0.0
+            rules.insert(0, (aground, names.BOTTOM))
         status = state.status
         for holds, number in rules:
             fresh = (status == names.UNDER_WAY) & holds

@@ -21,6 +21,7 @@ from jaxglider.guidance.routes import route_of
 from jaxglider.plotting.commands import commands
 from jaxglider.plotting.comparison import errors, tracking
 from jaxglider.plotting.flight import energy, flight
+from jaxglider.plotting.navigation import estimates, reckoned_map
 from jaxglider.plotting.path import (
     depth_over_distance,
     on_the_map,
@@ -164,6 +165,13 @@ def _builders(
             builders[_free(f"energy_{name}", builders)] = partial(
                 _energy, label, runs[label]
             )
+        if runs[label].ticks.onboard is not None:
+            builders[_free(f"reckoning_{name}", builders)] = partial(
+                _reckoned, label, runs[label], path
+            )
+            builders[_free(f"estimates_{name}", builders)] = partial(
+                _estimated, label, runs[label]
+            )
     return builders
 
 
@@ -243,6 +251,21 @@ def _energy(label: str, run: Trajectory) -> Figure:
     figure = new_figure(COLUMN, 3.2)
     figure.suptitle(label)
     energy(figure.subplots(), run)
+    return figure
+
+
+def _reckoned(label: str, run: Trajectory, path: WaypointPath | None) -> Figure:
+    figure = new_figure(COLUMN, 4.0)
+    figure.suptitle(label)
+    reckoned_map(figure.subplots(), run, path)
+    return figure
+
+
+def _estimated(label: str, run: Trajectory) -> Figure:
+    figure = new_figure(PAGE, 6.4)
+    figure.suptitle(label)
+    estimates(figure.subplots(4, 1, sharex=True), run)
+    figure.align_ylabels()
     return figure
 
 

@@ -4,8 +4,8 @@ In each tick: measure, refer, decide (with the disturbance estimate so far), jud
 move (the actuators, and the glider with the command held), observe, add up. Nothing
 here knows a batch: `vmap` over scenario, controller or sea.
 
-Controller, reference and observer see the measured state; metrics and records hold the
-true one.
+Controller, reference and observer see the measured state, or, of a glider with
+instruments, the estimated one; metrics and records hold the true one.
 """
 
 from typing import Any
@@ -14,10 +14,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglider.control.controller import AbstractController, tracking_error
+from jaxglider.control.controller import AbstractController
 from jaxglider.control.observer import AbstractObserver
 from jaxglider.core.containers import Scalar, Series
 from jaxglider.guidance.obedience import informed, obeyed
+from jaxglider.navigation.estimator import AbstractEstimator
+from jaxglider.navigation.navigator import Navigator, begun, recorded
 from jaxglider.signals import (
     BodyAxes,
     Command,
@@ -27,8 +29,8 @@ from jaxglider.signals import (
 )
 from jaxglider.simulation.flight_sums import add_to_flight, empty_flight
 from jaxglider.simulation.metrics import add_tick, empty_sums
-from jaxglider.simulation.motion import lumped_disturbance, move
-from jaxglider.simulation.scenario import Scenario
+from jaxglider.simulation.motion import lumped_disturbance, move, navigated
+from jaxglider.simulation.scenario import Scenario, SensorErrors
 from jaxglider.simulation.tick import (
     Carry,
     Decision,
@@ -37,6 +39,8 @@ from jaxglider.simulation.tick import (
     TickPlan,
     TickRecord,
     hold_when_finished,
+    judged,
+    reached,
 )
 from jaxglider.vehicle.sensors import measured, with_errors
 
@@ -48,11 +52,23 @@ class ClosedLoop(eqx.Module):
         scenario: vehicle, sea and reference.
         controller: control law with its gains.
         observer: disturbance observer.
+        estimator: estimator of the state; of use where the scenario has instruments,
+            and needed there.
     """
 
     scenario: Scenario
     controller: AbstractController
     observer: AbstractObserver
+    estimator: AbstractEstimator | None = None
+
+    @property
+    def navigator(self) -> Navigator | None:
+        """Sensors, estimator and reckoning; None without instruments.
+
+        Raises:
+            ValueError: there are instruments, and no estimator.
+        """
+        return self.scenario.navigator(self.estimator)
 
     def init(self) -> Carry:
         """Carry before the first tick: no command held, no disturbance estimated.
@@ -74,10 +90,11 @@ class ClosedLoop(eqx.Module):
             reached=jnp.asarray(0, jnp.int32),
             status=scenario.reference.status(guidance),
             flight=empty_flight(state.surge) if scenario.measures_flight else None,
+            known=begun(self.navigator, state, scenario.altitude(state)),
         )
 
     def inputs(
-        self, sea: BodyAxes[Series], noise: dict[str, Series] | None = None
+        self, sea: BodyAxes[Series], noise: SensorErrors | None = None
     ) -> TickInput:
         """Inputs of all ticks, on one leading axis.
 
@@ -96,7 +113,7 @@ class ClosedLoop(eqx.Module):
         self,
         times: Series,
         force_end: BodyAxes[Series],
-        noise_end: dict[str, Series] | None,
+        noise_end: SensorErrors | None,
     ) -> TickPlan:
         """The part of some ticks' inputs that depends on time alone.
 
@@ -134,9 +151,12 @@ class ClosedLoop(eqx.Module):
         truth, measurement = self._measure(carry, inputs)
         decision = self._decide(carry, inputs, measurement)
         reference, wanted = decision.reference, decision.wanted
-        judgement = self._judge(inputs, truth, decision)
+        judgement = judged(self.scenario, self.controller, inputs, truth, decision)
         applied, following = moved = move(
             self.scenario, carry.state, carry.held, wanted, inputs
+        )
+        known = navigated(
+            self.navigator, self.scenario, carry, reference, moved, inputs
         )
         sums = add_tick(
             carry.sums,
@@ -153,10 +173,10 @@ class ClosedLoop(eqx.Module):
             held=applied,
             reference=decision.reference_state,
             controller=decision.controller_state,
-            observer=self._observe(carry, inputs, measurement, applied, following),
+            observer=self._observe(carry, inputs, measurement, moved, known),
             sums=sums,
             finished=reference.finished,
-            reached=_reached(reference.target, reference.finished),
+            reached=reached(reference.target, reference.finished),
             status=None if reference.orders is None else reference.orders.status,
             flight=add_to_flight(
                 carry.flight,
@@ -167,6 +187,7 @@ class ClosedLoop(eqx.Module):
                 error=judgement.error,
                 moves=(carry.held, applied),
             ),
+            known=known,
         )
         if self.scenario.reference.can_finish:
             after = hold_when_finished(carry, after)
@@ -208,6 +229,7 @@ class ClosedLoop(eqx.Module):
             clock=reference.clock,
             phase=None if reference.orders is None else reference.orders.phase,
             energy=carry.spent,
+            onboard=recorded(self.navigator, carry.known),
         )
 
     @jax.named_scope("measurement")
@@ -223,6 +245,8 @@ class ClosedLoop(eqx.Module):
             altitude=self.scenario.altitude(carry.state),
             charge=self.scenario.charge(carry.spent),
         )
+        if self.navigator is not None:
+            return truth, self.navigator.measurement(carry.known, truth)
         return truth, measured(truth, inputs.noise_start)
 
     def _decide(
@@ -255,37 +279,21 @@ class ClosedLoop(eqx.Module):
             bounds=bounds,
         )
 
-    @jax.named_scope("judgement")
-    def _judge(
-        self, inputs: TickInput, truth: Measurement, decision: Decision
-    ) -> Judgement:
-        """The true error, and the specification that it is judged by."""
-        reference, error = decision.reference, decision.record.error
-        if inputs.noise_start is not None:
-            error, _ = tracking_error(truth, reference)
-        specification, bounds = self.scenario.specification, decision.bounds
-        if specification is None:
-            return Judgement(error, bounds, self.controller.limits(bounds))
-        judging = inputs.plan.judging
-        if judging is None:
-            judging = specification.bounds(reference.clock)
-        return Judgement(error, judging, specification.limits(judging))
-
     @jax.named_scope("observer")
     def _observe(
         self,
         carry: Carry,
         inputs: TickInput,
         measurement: Measurement,
-        applied: Command[Scalar],
-        following: GliderState,
+        moved: tuple[Command[Scalar], GliderState],
+        known: Any,
     ) -> Any:
         """The next state of the observer."""
-        observed = with_errors(following, inputs.plan.noise_end)
+        applied, following = moved
+        if self.navigator is not None:
+            observed = self.navigator.estimate(known)
+        else:
+            observed = with_errors(following, inputs.plan.noise_end)
         return self.observer.step(
             carry.observer, measurement, applied, observed, self.scenario.clock.dt
         )
-
-
-def _reached(target: jax.Array, finished: jax.Array) -> jax.Array:
-    return (target + jnp.where(finished, 1, 0)).astype(jnp.int32)

@@ -113,7 +113,7 @@ def add_to_flight(
     north, east, sinking = body_to_ned(
         state.attitude(), state.surge, state.sway, state.heave
     )
-    current = _current(scenario.water, state.depth, time)
+    current = current_at(scenario.water, state.depth, time)
     way = square_root((north - current[0]) ** 2 + (east - current[1]) ** 2)
     change = map_fields(jnp.subtract, after, before)
     moving = map_fields(
@@ -195,8 +195,16 @@ def _steady(
     }
 
 
-def _current(water: Water | None, depth: Scalar, time: Scalar) -> tuple[Scalar, Scalar]:
-    """Velocity of the water, north and east [m/s]."""
+def current_at(
+    water: Water | None, depth: Scalar, time: Scalar
+) -> tuple[Scalar, Scalar]:
+    """Velocity of the water, north and east [m/s]; zero where it rests.
+
+    Args:
+        water: water around the glider, or None.
+        depth: depth of the glider [m].
+        time: present time [s].
+    """
     if water is None or water.current is None:
         zero = jnp.zeros_like(depth)
         return zero, zero

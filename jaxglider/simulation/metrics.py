@@ -18,6 +18,7 @@ from jaxglider.control.prescribed.funnel import Limits
 from jaxglider.control.prescribed.performance import Bound
 from jaxglider.core.containers import Flag, Scalar
 from jaxglider.core.numerics import square_root
+from jaxglider.navigation.errors import NavigationMetrics
 from jaxglider.signals import Channels, Command, GliderState, map_fields
 from jaxglider.simulation.flight import FlightMetrics
 
@@ -100,6 +101,7 @@ class Metrics(eqx.Module):
         status: number of the end of the mission, an index of `phases.STATUSES`; None
             where the reference knows no such ends.
         flight: measures of the flight; None where it is not measured.
+        navigation: errors of what is known on board; None without instruments.
     """
 
     channels: Channels[ChannelMetrics]
@@ -111,6 +113,7 @@ class Metrics(eqx.Module):
     capsized: Flag
     status: jax.Array | None = None
     flight: FlightMetrics | None = None
+    navigation: NavigationMetrics | None = None
 
 
 def empty_sums(like: Scalar) -> Sums:

@@ -1,4 +1,4 @@
-"""Motion of the glider over one control tick, and the disturbance seen in it."""
+"""Motion of the glider over one control tick, and what is seen and known of it."""
 
 from typing import Any
 
@@ -10,17 +10,23 @@ from jaxglider.core.containers import Scalar, Series
 from jaxglider.core.runge_kutta import RK4, runge_kutta_step
 from jaxglider.environment.surface import surface_force
 from jaxglider.environment.water import derivative_in_water
+from jaxglider.guidance.phases import SURFACE
+from jaxglider.navigation.estimator import Moves
+from jaxglider.navigation.navigator import Navigator, NavigatorState, Surroundings
 from jaxglider.signals import (
     BodyAxes,
     Command,
     GliderState,
     Measurement,
+    Reference,
     map_fields,
 )
+from jaxglider.simulation.flight_sums import current_at
 from jaxglider.simulation.scenario import Scenario
-from jaxglider.simulation.tick import TickInput
+from jaxglider.simulation.tick import Carry, TickInput
 from jaxglider.vehicle.actuators import follow_all
 from jaxglider.vehicle.design_model import DesignModel
+from jaxglider.vehicle.sensors import with_errors
 
 
 def move(
@@ -140,6 +146,47 @@ def _substep(
         )
 
     return runge_kutta_step(RK4, derivative, state, scenario.clock.dt / substeps)
+
+
+def navigated(
+    navigator: Navigator | None,
+    scenario: Scenario,
+    carry: Carry,
+    reference: Reference,
+    moved: tuple[Command[Scalar], GliderState],
+    inputs: TickInput,
+) -> NavigatorState | None:
+    """Knowledge on board at the end of a tick; None without instruments.
+
+    Args:
+        navigator: sensors, estimator and reckoning.
+        scenario: scenario that is flown.
+        carry: state of the loop at the start of the tick.
+        reference: reference of the tick.
+        moved: positions of the actuators and true state at the end of the tick.
+        inputs: input of the tick.
+    """
+    if navigator is None:
+        return None
+    applied, following = moved
+    samples: Any
+    samples, dt = inputs.plan.noise_end, scenario.clock.dt
+    current = current_at(scenario.water, following.depth, inputs.plan.time + dt)
+    around = Surroundings(following, scenario.altitude(following), current)
+    measured = with_errors(following, samples.errors)
+    under_way, orders = jnp.ones_like(dt), reference.orders
+    if orders is not None:
+        under_way = jnp.where(orders.phase == SURFACE, 0.0, under_way)
+    return navigator.step(
+        carry.known,
+        around,
+        measured,
+        samples.instruments,
+        Moves(carry.held, applied),
+        reference.clock,
+        under_way,
+        dt,
+    )
 
 
 @jax.named_scope("lumped_disturbance")

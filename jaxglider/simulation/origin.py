@@ -54,8 +54,26 @@ class Origin:
             np.asarray(state.north, np.float64) + self.north,
             np.asarray(state.east, np.float64) + self.east,
         )
-        return eqx.tree_at(
+        moved = eqx.tree_at(
             lambda r: (r.ticks.state.north, r.ticks.state.east), run, places
+        )
+        onboard = getattr(run.ticks, "onboard", None)  # type: ignore[attr-defined]
+        if onboard is None:
+            return moved
+        (north, east), known = onboard.fix, onboard.estimate
+        believed = (known.north, known.east, north, east)
+        whole = tuple(
+            np.asarray(x, np.float64) + shift
+            for x, shift in zip(believed, (self.north, self.east) * 2, strict=True)
+        )
+        return eqx.tree_at(
+            lambda r: (
+                r.ticks.onboard.estimate.north,
+                r.ticks.onboard.estimate.east,
+                *r.ticks.onboard.fix,
+            ),
+            moved,
+            whole,
         )
 
 

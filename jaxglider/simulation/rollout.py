@@ -13,11 +13,13 @@ from jaxtyping import Array, Float
 from jaxglider.core.containers import Scalar, Series
 from jaxglider.core.numerics import scale_gradient
 from jaxglider.core.traced_once import traced_once
+from jaxglider.navigation.errors import close_navigation
+from jaxglider.navigation.sensing.readings import Sampled
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.flight import close_flight
 from jaxglider.simulation.metrics import Metrics, finish
-from jaxglider.simulation.scenario import Scenario
+from jaxglider.simulation.scenario import Scenario, SensorErrors
 from jaxglider.simulation.tick import Carry, TickInput, TickPlan, TickRecord
 
 
@@ -39,7 +41,7 @@ Kept = TypeVar("Kept")
 def roll(
     loop: ClosedLoop,
     sea: BodyAxes[Series],
-    noise: dict[str, Series] | None,
+    noise: SensorErrors | None,
     tick: Callable[[Carry, TickInput], tuple[Carry, Kept]],
     *,
     checkpoint_every: int = 1,
@@ -61,7 +63,8 @@ def roll(
         The metrics, and what each tick has kept, stacked.
 
     Raises:
-        ValueError: a number of ticks does not divide that of the run.
+        ValueError: a number of ticks does not divide that of the run, or samples of
+            instruments are missing.
     """
     ticks = loop.scenario.clock.ticks
     every = {"checkpoint_every": checkpoint_every, "keep_every": keep_every}
@@ -70,6 +73,11 @@ def roll(
             raise ValueError(
                 f"{name} must divide the {ticks} ticks; received {number}."
             )
+    if loop.scenario.instruments is not None and not isinstance(noise, Sampled):
+        raise ValueError(
+            "a scenario with instruments needs their samples: pass "
+            "loop.scenario.noise(key) as the third argument."
+        )
     first, ends = (
         jax.tree.map(lambda path, part=part: path[part], (sea, noise))
         for part in (0, slice(1, None))
@@ -110,6 +118,9 @@ def _finished(scenario: Scenario, last: Carry) -> Metrics:
     """Metrics of a run from what it ends with."""
     status = scenario.reference.final_status(last.status)
     metrics = finish(last.sums, last.state, last.reached, scenario.clock.dt, status)
+    if last.known is not None:
+        judged = close_navigation(last.known.sums)
+        metrics = dataclasses.replace(metrics, navigation=judged)
     if last.flight is None:
         return metrics
     flight = close_flight(last.flight, scenario.initial_state, last.state)
@@ -129,7 +140,7 @@ def sparse_checkpoints(ticks: int) -> int:
 def simulate(
     loop: ClosedLoop,
     sea: BodyAxes[Float[Array, " n"]],
-    noise: dict[str, Float[Array, " n"]] | None = None,
+    noise: SensorErrors | None = None,
     *,
     keep_every: int = 1,
 ) -> Trajectory:
@@ -152,7 +163,7 @@ def simulate(
 def evaluate(
     loop: ClosedLoop,
     sea: BodyAxes[Float[Array, " n"]],
-    noise: dict[str, Float[Array, " n"]] | None = None,
+    noise: SensorErrors | None = None,
     *,
     gradient_memory: Scalar | float | None = None,
     checkpoint_every: int = 1,
@@ -215,13 +226,15 @@ def _advance(
 
 def _forgetting(carry: Carry, share: Scalar) -> Carry:
     """All that acts on later ticks, faded; the sums of the metrics only add up."""
-    return dataclasses.replace(
-        jax.tree.map(
-            lambda x: (
-                scale_gradient(x, share) if jnp.issubdtype(x.dtype, jnp.floating) else x
-            ),
-            carry,
+    faded = jax.tree.map(
+        lambda x: (
+            scale_gradient(x, share) if jnp.issubdtype(x.dtype, jnp.floating) else x
         ),
+        carry,
+    )
+    return dataclasses.replace(
+        faded,
         sums=carry.sums,
         flight=carry.flight,
+        known=carry.known and dataclasses.replace(faded.known, sums=carry.known.sums),
     )

@@ -19,6 +19,10 @@ from jaxglider.environment.disturbances import AbstractDisturbance
 from jaxglider.environment.seabed import Seabed
 from jaxglider.environment.water import Water
 from jaxglider.guidance.reference import AbstractReference
+from jaxglider.navigation.estimator import AbstractEstimator
+from jaxglider.navigation.navigator import Navigator
+from jaxglider.navigation.reckoning import Reckoning
+from jaxglider.navigation.sensing.readings import Instruments, Sampled
 from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.simulation.origin import MAP_ZERO, Origin
 from jaxglider.simulation.resolution import check_resolution
@@ -28,6 +32,8 @@ from jaxglider.vehicle.energy import Consumers, EnergyModel
 from jaxglider.vehicle.plant import AbstractPlant
 from jaxglider.vehicle.sensors import Sensor, check_sensors, realise_errors
 
+SensorErrors = dict[str, Series] | Sampled
+"""Errors of the sensors by state, or the samples of instruments, at every tick."""
 MAX_TICKS = 1e8
 """More ticks than this would not fit in memory."""
 
@@ -115,6 +121,9 @@ class Scenario(Container):
         reference: the task.
         initial_state: state of the glider at time zero.
         sensors: errors of the measurement by the name of the state, or None for none.
+        instruments: sensors on board, for a glider that knows no more than they show;
+            None for one that is told its state, with the errors of `sensors`.
+        reckoning: dead reckoning with instruments; that of the plant by default.
         specification: bounds prescribed, whoever steers; None to judge errors by the
             law's own funnel, which a law could widen, and nothing else.
         water: currents and density, or None for water at rest, the same at every depth.
@@ -139,6 +148,8 @@ class Scenario(Container):
     seabed: Seabed | None = None
     energy: EnergyModel | None = None
     origin: Origin = eqx.field(static=True, default=MAP_ZERO)
+    instruments: Instruments | None = None
+    reckoning: Reckoning | None = None
 
     def __check_init__(self) -> None:
         check_sensors(self.sensors)
@@ -159,14 +170,39 @@ class Scenario(Container):
             return None
         return self.energy.battery - spent.total()
 
+    def navigator(self, estimator: AbstractEstimator | None) -> Navigator | None:
+        """Sensors, estimator and reckoning; None without instruments.
+
+        Args:
+            estimator: estimator of the closed loop, or None.
+
+        Raises:
+            ValueError: there are instruments, and no estimator.
+        """
+        if self.instruments is None:
+            return None
+        if estimator is None:
+            raise ValueError(
+                "a scenario with instruments needs an estimator; received none. Give "
+                "the ClosedLoop one, such as jaxglider.ModelAided, or take the "
+                "instruments away."
+            )
+        reckoning = self.reckoning
+        if reckoning is None:
+            reckoning = Reckoning(self.plant.parameters)
+        return Navigator(self.instruments, estimator, reckoning)
+
     @jax.named_scope("disturbance")
     def sea(self, key: jax.Array) -> BodyAxes[Series]:
         """The disturbance realised at every tick [N, N m]; see `disturbances`."""
         return self.disturbance.realise(key, self.clock.times())
 
     @jax.named_scope("sensor_errors")
-    def noise(self, key: jax.Array) -> dict[str, Series] | None:
+    def noise(self, key: jax.Array) -> SensorErrors | None:
         """The sensors' errors realised at every tick, or None without sensors."""
-        if self.sensors is None:
-            return None
-        return realise_errors(self.sensors, key, self.clock.times())
+        times, errors = self.clock.times(), None
+        if self.sensors is not None:
+            errors = realise_errors(self.sensors, key, times)
+        if self.instruments is None:
+            return errors
+        return Sampled(self.instruments.realise(key, times), errors)

@@ -7,13 +7,26 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxglider.control.controller import ControlRecord
+from jaxglider.control.controller import (
+    AbstractController,
+    ControlRecord,
+    tracking_error,
+)
 from jaxglider.control.prescribed.funnel import Limits
 from jaxglider.control.prescribed.performance import Bound
 from jaxglider.core.containers import Scalar
-from jaxglider.signals import BodyAxes, Channels, Command, GliderState, Reference
+from jaxglider.navigation.navigator import OnBoard
+from jaxglider.signals import (
+    BodyAxes,
+    Channels,
+    Command,
+    GliderState,
+    Measurement,
+    Reference,
+)
 from jaxglider.simulation.flight_sums import FlightSums
 from jaxglider.simulation.metrics import Sums
+from jaxglider.simulation.scenario import Scenario
 from jaxglider.vehicle.energy import Consumers
 
 
@@ -32,6 +45,7 @@ class Carry(eqx.Module):
         status: number of the end of the mission, an index of `phases.STATUSES`; None
             where the reference knows no such ends.
         flight: running sums of the flight; None where it is not measured.
+        known: state of the navigator; None without instruments.
     """
 
     state: GliderState
@@ -44,6 +58,7 @@ class Carry(eqx.Module):
     reached: jax.Array
     status: jax.Array | None = None
     flight: FlightSums | None = None
+    known: Any = None
 
     @property
     def spent(self) -> Consumers | None:
@@ -62,7 +77,8 @@ class TickPlan(eqx.Module):
             funnel is not known beforehand.
         judging: P_spec of the scenario's specification; None where it has none or the
             clock is not known beforehand.
-        noise_end: errors of the sensors at its end [unit of the state], or None.
+        noise_end: errors of the sensors at its end [unit of the state] or samples of
+            the instruments, or None.
     """
 
     time: jax.Array
@@ -70,7 +86,7 @@ class TickPlan(eqx.Module):
     planned: Any
     bounds: Channels[Bound] | None
     judging: Channels[Bound] | None
-    noise_end: dict[str, jax.Array] | None
+    noise_end: Any
 
 
 class TickInput(eqx.Module):
@@ -79,12 +95,13 @@ class TickInput(eqx.Module):
     Attributes:
         plan: the part known before the rollout.
         force_start: τ_d at the start of the tick [N, N m], body frame.
-        noise_start: errors of the sensors there [unit of the state], or None.
+        noise_start: errors of the sensors there [unit of the state] or samples of the
+            instruments, or None.
     """
 
     plan: TickPlan
     force_start: BodyAxes[jax.Array]
-    noise_start: dict[str, jax.Array] | None
+    noise_start: Any
 
 
 class TickRecord(eqx.Module):
@@ -111,6 +128,7 @@ class TickRecord(eqx.Module):
         phase: number of the phase of the yo, an index of `phases.PHASES`; None where
             the reference has no phases.
         energy: energy spent before the tick, by who took it [J], or None.
+        onboard: knowledge on board at the start of the tick; None without instruments.
     """
 
     time: Scalar
@@ -130,6 +148,7 @@ class TickRecord(eqx.Module):
     clock: Scalar
     phase: jax.Array | None = None
     energy: Consumers | None = None
+    onboard: OnBoard | None = None
 
 
 class Decision(NamedTuple):
@@ -164,3 +183,42 @@ def hold_when_finished(before: Carry, after: Carry) -> Carry:
     return dataclasses.replace(
         held, finished=after.finished, reached=after.reached, status=after.status
     )
+
+
+@jax.named_scope("judgement")
+def judged(
+    scenario: Scenario,
+    controller: AbstractController,
+    inputs: TickInput,
+    truth: Measurement,
+    decision: Decision,
+) -> Judgement:
+    """The true error, and the specification that it is judged by.
+
+    Args:
+        scenario: scenario that is flown.
+        controller: law, whose own funnel judges where there is no specification.
+        inputs: input of the tick.
+        truth: measurement of perfect sensors.
+        decision: reference and command of the tick.
+    """
+    reference, error = decision.reference, decision.record.error
+    if inputs.noise_start is not None:
+        error, _ = tracking_error(truth, reference)
+    specification, bounds = scenario.specification, decision.bounds
+    if specification is None:
+        return Judgement(error, bounds, controller.limits(bounds))
+    judging = inputs.plan.judging
+    if judging is None:
+        judging = specification.bounds(reference.clock)
+    return Judgement(error, judging, specification.limits(judging))
+
+
+def reached(target: jax.Array, finished: jax.Array) -> jax.Array:
+    """Number of waypoints reached, or of segments completed.
+
+    Args:
+        target: number of the one being followed.
+        finished: flag, the mission is over.
+    """
+    return (target + jnp.where(finished, 1, 0)).astype(jnp.int32)

@@ -23,7 +23,7 @@ from jaxglider.core.containers import Series
 from jaxglider.environment.disturbances import GaussMarkov
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.scenario import Scenario
+from jaxglider.simulation.scenario import Scenario, SensorErrors
 from jaxglider.uncertainty.distributions import AbstractDistribution, correlated
 from jaxglider.uncertainty.sampling import AbstractSampler
 
@@ -127,7 +127,8 @@ class Uncertainty:
             self.scenario.disturbance, is_leaf=lambda x: isinstance(x, GaussMarkov)
         )
         noisy = any(isinstance(part, GaussMarkov) for part in parts)
-        return noisy or self.scenario.sensors is not None
+        sensing = self.scenario.sensors, self.scenario.instruments
+        return noisy or any(sensors is not None for sensors in sensing)
 
     def values(self, coordinates: np.ndarray) -> np.ndarray:
         """Values of the quantities, one row a member.
@@ -166,7 +167,7 @@ class Uncertainty:
 
 def with_member(
     loop: ClosedLoop, member: Member
-) -> tuple[ClosedLoop, BodyAxes[Series], dict[str, Series] | None]:
+) -> tuple[ClosedLoop, BodyAxes[Series], SensorErrors | None]:
     """The closed loop of one member, its sea, and the errors of its sensors.
 
     They are the arguments of `simulate` and `evaluate`.
@@ -183,7 +184,7 @@ def with_member(
             list(member.values.values()),
             is_leaf=lambda leaf: leaf is None,
         )
-    changed = ClosedLoop(scenario, loop.controller, loop.observer)
+    changed = dataclasses.replace(loop, scenario=scenario)
     sea, sensors = jr.split(jr.wrap_key_data(member.key))
     return changed, scenario.sea(sea), scenario.noise(sensors)
 

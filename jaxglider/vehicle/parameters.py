@@ -236,6 +236,8 @@ class VehicleData:
         doubts: doubts about the numbers, by their keys.
         deviations: standard deviations of the numbers, where the file says how far
             they may be off, by their keys; in the unit of each.
+        sensors: table [sensors] of its file, empty if it has none; the reader of a
+            mission reads it.
     """
 
     name: str
@@ -248,3 +250,4 @@ class VehicleData:
     energy: Any = None
     doubts: Mapping[str, str] = dataclasses.field(default_factory=dict)
     deviations: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    sensors: Mapping[str, Any] = dataclasses.field(default_factory=dict)

@@ -20,7 +20,7 @@ from jaxglider.vehicle.parameters import (
 
 VEHICLE_TABLES = (
     *("name", "steering", "parameters", "limits", "rates", "body"),
-    *("fin", "pump", "energy"),
+    *("fin", "pump", "energy", "sensors"),
 )
 """Keys at the top of a vehicle's file."""
 
@@ -96,6 +96,7 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
             pump=extra.get("pump", {}),
             energy=_energy(extra["energy"]) if "energy" in extra else None,
             deviations=deviations,
+            sensors=_table(data, "sensors"),
         )
     except ValueError as error:
         raise ValueError(f"{source}: {error}") from error
@@ -117,6 +118,18 @@ def vehicle_text(name_or_path: str | Path) -> str:
         f"vehicle must be one of {vehicle_names()} or the path of a .toml file; "
         f"received {str(name_or_path)!r}."
     )
+
+
+def _table(data: dict[str, Any], key: str) -> dict[str, Any]:
+    """A table of the file as it stands there, empty if it is not.
+
+    Raises:
+        ValueError: it is no table.
+    """
+    table = data.get(key, {})
+    if not isinstance(table, dict):
+        raise ValueError(f"{key} must be a table; received {table!r}.")
+    return table
 
 
 def _doubts(data: dict[str, Any], tables: Iterable[str]) -> dict[str, str]:

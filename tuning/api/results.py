@@ -145,10 +145,11 @@ class TuneResult:
     def trajectories(self) -> dict[str, Trajectory]:
         """The nominal case flown `before` and `after`, on the host."""
         run = jax.jit(simulate)
-        sea = self.problem.loop.scenario.sea(jax.random.key(0))
+        key, scenario = jax.random.key(0), self.problem.loop.scenario
+        chance = scenario.sea(key), scenario.noise(key)
         return {
-            "before": jax.device_get(run(self.problem.loop, sea)),
-            "after": jax.device_get(run(self.loop, sea)),
+            "before": jax.device_get(run(self.problem.loop, *chance)),
+            "after": jax.device_get(run(self.loop, *chance)),
         }
 
     def save(

@@ -26,6 +26,7 @@ def until_failure(
     run: Trajectory,
     keep_every: int = 1,
     simulation: Any = None,
+    noise: Any = None,
 ) -> tuple[Trajectory, Failure | None]:
     """A run as it is if all went well, else every tick until its failure, and why.
 
@@ -37,6 +38,7 @@ def until_failure(
         run: trajectory on the host.
         keep_every: ticks from one record to the next.
         simulation: compiled `simulate` that keeps every tick; made if it is needed.
+        noise: realised errors of the sensors, or None.
     """
     if keep_every > 1:
         clock = loop.scenario.clock
@@ -49,9 +51,9 @@ def until_failure(
             return before(run, culprit.tick), failure
         metrics = run.metrics
         brief = shortened(loop, ticks)
-        part = jax.tree.map(lambda x: x[: ticks + 1], sea)
+        part = jax.tree.map(lambda x: x[: ticks + 1], (sea, noise))
         again = simulation or jax.jit(partial(simulate, keep_every=1))
-        run = dataclasses.replace(jax.device_get(again(brief, part)), metrics=metrics)
+        run = dataclasses.replace(jax.device_get(again(brief, *part)), metrics=metrics)
     failure = explain(loop, run)
     if failure is None:
         return run, None

@@ -25,6 +25,7 @@ from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
 from tuning.reporting.flights import markdown_flight, text_flight
 from tuning.reporting.html import write_html
+from tuning.reporting.navigation import markdown_navigation, text_navigation
 from tuning.reporting.tables import markdown_tables, text_table
 
 
@@ -93,11 +94,13 @@ def run_all(
                 f"{number}/{len(entries)} {entry.scenario}, {entry.controller}: "
                 "compiling and running ..."
             )
-            sea = entry.loop.scenario.sea(jax.random.key(seed))
-            flown = jax.device_get(run(entry.loop, sea, keep_every=keep_every))
-            done.append(
-                FinishedRun(entry, *until_failure(entry.loop, sea, flown, keep_every))
+            key, scenario = jax.random.key(seed), entry.loop.scenario
+            sea, noise = scenario.sea(key), scenario.noise(key)
+            flown = jax.device_get(
+                run(entry.loop, sea, noise=noise, keep_every=keep_every)
             )
+            kept = until_failure(entry.loop, sea, flown, keep_every, noise=noise)
+            done.append(FinishedRun(entry, *kept))
     except KeyboardInterrupt:
         return done, True
     finally:
@@ -136,7 +139,8 @@ def report_runs(
     for key in dict.fromkeys((s["scenario"], s["plant"]) for s in summaries):
         group = [s for s in summaries if (s["scenario"], s["plant"]) == key]
         tables.append(text_table(group) + "\n")
-        tables += [text + "\n" for text in map(text_flight, group) if text]
+        for told in (text_flight, text_navigation):
+            tables += [text + "\n" for text in map(told, group) if text]
     _write(options.out, done, result, options.table)
     print_result(result, "\n".join(tables), as_json=options.json)
     failed = [(d, s) for d, s in zip(done, summaries, strict=True) if d.failure]
@@ -173,7 +177,12 @@ def _write(
     progress = Progress()
     progress.show(f"writing to {out} ...")
     write_json(out / "metrics.json", result)
-    flights = [line for run in result["runs"] for line in markdown_flight(run)]
+    flights = [
+        line
+        for told in (markdown_flight, markdown_navigation)
+        for run in result["runs"]
+        for line in told(run)
+    ]
     text = "\n".join([markdown_tables(result["runs"]), *flights, *_failures(done)])
     write_text(out / "tables.md", text)
     runs = {

@@ -26,7 +26,7 @@ def table_of(run: Trajectory) -> dict[str, np.ndarray]:
     """
     active = np.asarray(run.ticks.active, bool)
     columns = {"time_s": np.asarray(run.ticks.time, np.float64)}
-    for name, unit, _, where in variables():
+    for name, unit, _, where in variables(run.ticks.onboard is not None):
         key = f"{name}_{_UNITS.get(unit, unit)}".rstrip("_")
         columns[key] = column(run.ticks, where)
     return {name: values[active] for name, values in columns.items()}

@@ -72,7 +72,10 @@ class GainSet:
         """
         tables = self.content
         if isinstance(tables, LoadedGains):
-            tables = encode_gains(tables.controller, tables.observer, tables.guidance)
+            law = tables
+            tables = encode_gains(
+                law.controller, law.observer, law.guidance, law.estimator
+            )
         # Where gains come from changes nothing that they do.
         tables = {key: x for key, x in tables.items() if key != "provenance"}
         try:

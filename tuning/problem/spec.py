@@ -203,8 +203,9 @@ class ProblemSpec:
         """Dotted paths of what is tuned."""
         if self.free:
             return self.free
-        observed = any(p.startswith("observer.") for p in tunable_paths(self.loop))
-        return ("controller", "observer") if observed else ("controller",)
+        known = {path.partition(".")[0] for path in tunable_paths(self.loop)}
+        parts = ("controller", "observer", "estimator")
+        return tuple(part for part in parts if part in known)
 
     def fingerprint(self) -> str:
         """A digest of everything that the result follows from."""

@@ -118,7 +118,9 @@ def with_smoothing(loop: ClosedLoop, factor: float) -> ClosedLoop | None:
     law, observer = jax.tree_util.tree_map_with_path(
         scaled, (loop.controller, loop.observer)
     )
-    return ClosedLoop(loop.scenario, law, observer) if found else None
+    if not found:
+        return None
+    return dataclasses.replace(loop, controller=law, observer=observer)
 
 
 def to_dict(entries: dict[str, Entry]) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from jaxglider.signals import BodyAxes, Channels, map_fields, zeros
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics, finish
 from jaxglider.simulation.rollout import with_ticks
+from jaxglider.simulation.scenario import SensorErrors
 from jaxglider.simulation.tick import Carry, TickInput, TickRecord
 
 
@@ -53,7 +54,7 @@ class _Watch(eqx.Module):
 def assess(
     loop: ClosedLoop,
     sea: BodyAxes[Float[Array, " n"]],
-    noise: dict[str, Float[Array, " n"]] | None = None,
+    noise: SensorErrors | None = None,
 ) -> tuple[Metrics, Witness]:
     """Roll a closed loop out for its metrics, and watch the theorem's assumptions.
 

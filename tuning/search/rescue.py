@@ -216,7 +216,9 @@ def why_lost(problem: TuningProblem) -> tuple[str, bool]:
         problem: problem to solve.
     """
     loop = problem.loop
-    run = jax.device_get(jax.jit(simulate)(loop, loop.scenario.sea(jax.random.key(0))))
+    key, scenario = jax.random.key(0), loop.scenario
+    flown = jax.jit(simulate)(loop, scenario.sea(key), scenario.noise(key))
+    run = jax.device_get(flown)
     failure = explain(loop, run)
     if failure is not None:
         return f"the nominal flight {failure.lines()[0]}", failure.of_the_task

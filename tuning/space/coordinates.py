@@ -189,6 +189,7 @@ def _tunable(loop: ClosedLoop) -> dict[str, Number]:
     """Each tunable number, by its path."""
     numbers = dict(_numbers(loop.controller, "controller"))
     numbers.update(_numbers(loop.observer, "observer"))
+    numbers.update(_numbers(loop.estimator, "estimator"))
     guidance = getattr(loop.scenario.reference, _GUIDANCE.rpartition(".")[2], None)
     numbers.update(_numbers(guidance, _GUIDANCE))
     return numbers

@@ -102,8 +102,8 @@ def _explained(
     """The runs, those that failed until then alone; it is said why they did."""
     one, kept = _one(draw(campaign, member, 1)[1]), {}
     for number, (label, run) in enumerate(runs.items()):
-        loop, sea, *_ = with_member(campaign.loops[number], one)
-        kept[label], failure = until_failure(loop, sea, run)
+        loop, sea, noise = with_member(campaign.loops[number], one)
+        kept[label], failure = until_failure(loop, sea, run, noise=noise)
         if failure is not None:
             result["runs"][number]["failure"] = failure.to_dict()
             for line in failure.lines():

@@ -80,7 +80,7 @@ def _simulate_outside(options: argparse.Namespace, mission: Mission, seed: int) 
         outside = PipeController(
             loop.controller.funnel, peer, origin=loop.scenario.origin
         )
-        loop = ClosedLoop(loop.scenario, outside, NoObserver())
+        loop = ClosedLoop(loop.scenario, outside, NoObserver(), loop.estimator)
         name = Path(options.controller_binary).name
         entry = PlannedRun(mission.name, mission.plant, name, loop, published=False)
         done, interrupted = run_all([entry], seed=seed)

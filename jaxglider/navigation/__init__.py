@@ -1,0 +1,1 @@
+"""Knowledge of a glider of itself: sensors, estimators, reckoning and fixes."""

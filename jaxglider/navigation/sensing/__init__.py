@@ -1,0 +1,1 @@
+"""Sensors on board: what each shows of the truth, and when."""
