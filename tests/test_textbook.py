@@ -196,3 +196,11 @@ def test_laws_with_looks_or_a_riccati_equation_are_the_same_in_c(name, tmp_path)
     wanted = compiled_c.columns(seen)
     assert np.abs(wanted[:, :3]).max(axis=0).all()
     assert (np.abs(told - wanted)[:, :3] / limits).max() < 1e-10
+
+
+def test_the_slope_of_the_reaching_law_is_its_derivative():
+    law, delta = Reaching(0.05, 0.3, 0.5, 2.0), jnp.asarray(0.01)
+    for x in (-2.0, -0.003, 0.0, 0.02, 1.5):
+        found = law.slope(jnp.asarray(x), delta)
+        wanted = jax.grad(law.of)(jnp.asarray(x), delta)
+        assert float(found) == pytest.approx(float(wanted), rel=1e-9)

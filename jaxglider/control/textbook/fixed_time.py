@@ -16,7 +16,6 @@ actuator does not carry out the theory does not know.
 """
 
 import equinox as eqx
-import jax
 
 from jaxglider.control.controller import (
     AbstractController,
@@ -29,7 +28,7 @@ from jaxglider.control.prescribed.funnel import Funnel
 from jaxglider.control.prescribed.performance import Bound
 from jaxglider.control.steering import INVERSION, AbstractSteering
 from jaxglider.core.containers import Container, Scalar, as_float
-from jaxglider.core.numerics import signed_powers
+from jaxglider.core.numerics import modulus_powers, signed_powers
 from jaxglider.core.sets import ABOVE_ONE, NOT_NEGATIVE, POSITIVE, UNIT
 from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
 from jaxglider.vehicle.design_model import DesignModel
@@ -66,6 +65,19 @@ class Reaching(Container):
         """
         low, high = signed_powers(x, (self.p, self.q), smoothing)
         return self.k1 * low + self.k2 * high
+
+    def slope(self, x: Scalar, smoothing: Scalar) -> Scalar:
+        """R'(x): of the smoothed x (x² + δ²)^((a−1)/2), (a x² + δ²)(x² + δ²)^((a−3)/2).
+
+        Args:
+            x: quantity that is to go to zero.
+            smoothing: δ of the signed powers.
+        """
+        low, high = modulus_powers(x, (self.p - 3.0, self.q - 3.0), smoothing)
+        square, least = x * x, smoothing * smoothing
+        return self.k1 * low * (self.p * square + least) + self.k2 * high * (
+            self.q * square + least
+        )
 
 
 class FixedTimeBackstepping(AbstractController):
@@ -137,11 +149,8 @@ class FixedTimeBackstepping(AbstractController):
         def channel(
             outer: Reaching, inner: Reaching, kappa: Scalar, e: Scalar, e1: Scalar
         ) -> tuple[Scalar, Scalar]:
-            def wanted(x: Scalar) -> Scalar:
-                return outer.of(x, self.smoothing)
-
-            reached, slope = jax.jvp(wanted, (e,), (e1,))
-            z = e1 + reached
+            z = e1 + outer.of(e, self.smoothing)
+            slope = outer.slope(e, self.smoothing) * e1
             return -slope - kappa * e - inner.of(z, self.smoothing), z
 
         law = map_fields(channel, self.outer, self.inner, self.coupling, error, rate)
