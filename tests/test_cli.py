@@ -29,6 +29,7 @@ from jaxglider.files.gains import load_gains
 from jaxglider.files.mission import TEMPLATE
 from jaxglider.files.uncertainty import load_uncertainty
 from jaxglider.paper.tuned import tuned_gains
+from jaxglider.simulation.rollout import Trajectory
 from tuning.cli.main import main
 from tuning.cli.parser import parser
 from tuning.space.coordinates import tunable_paths
@@ -532,8 +533,13 @@ def test_an_interruption_keeps_the_runs_that_are_finished(call, tmp_path, monkey
 def test_an_interruption_before_the_first_run_writes_nothing(
     call, tmp_path, monkeypatch
 ):
+    get = tuning.evaluation.runs.jax.device_get
+
     def interrupted(value):
-        raise KeyboardInterrupt
+        # What looks at the start beforehand goes on.
+        if isinstance(value, Trajectory):
+            raise KeyboardInterrupt
+        return get(value)
 
     monkeypatch.setattr(tuning.evaluation.runs.jax, "device_get", interrupted)
     code, out, err = call("simulate", "--config", "mission.toml", "--out", "o")
