@@ -7,7 +7,8 @@ frame that drifts with it. Over ground,
 
 Left out: the pressure that accelerates the water and would push on a net weight, a
 share m_b/m of v_c'. The heading and the velocity that controllers measure are over
-ground; what the current does is for the observer to find.
+ground, and what the current does is for the observer to find; a glider with instruments
+estimates its velocity through the water.
 
 Water that grows denser with depth lifts a glider; a hull that is squeezed sinks it. The
 displaced mass is m (1 + ε z)(1 − κ z) at z below neutral depth.
