@@ -1,7 +1,8 @@
 """Gains tuned by `jaxglider tune` for the paper's cases, as they come with the package.
 
 A folder for each case, in it a file for each plant and controller. Its provenance says
-which command made it; `benchmarks/tuned_gains.py` makes them all again.
+which command made it; `benchmarks/tuned_gains.py` makes them all again, but for those
+of ADRC, LQR and fixed-time backstepping, which `benchmarks/bench_laws.py` made.
 """
 
 from pathlib import Path
