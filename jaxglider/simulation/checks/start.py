@@ -22,7 +22,8 @@ def start_warnings(loop: ClosedLoop) -> list[str]:
     Raises:
         FloatingPointError: something is not finite at the start already.
     """
-    error, limits, finished, numbers = jax.device_get(jax.jit(_start)(loop))
+    first = jax.tree.map(np.asarray, jax.jit(_start)(loop))
+    error, limits, finished, numbers = first
     refuse_nonsense(numbers)
     if bool(finished):
         return [
