@@ -43,7 +43,10 @@ def text_summary(summary: CampaignSummary) -> str:
         entries = [of.measures[name]["q95"] for of in controllers.values()]
         rows.append([f"  {channel} rms error [{unit}]", *map(_quantile, entries)])
     for channel, command in zip(CHANNEL_UNITS, COMMAND_UNITS, strict=True):
-        entries = [of.measures[f"{channel}.travel"]["q95"] for of in every]
+        name = f"{channel}.travel"
+        if any(name not in of.measures for of in every):
+            continue
+        entries = [of.measures[name]["q95"] for of in every]
         title = f"  {command.replace('_', ' ')} travel [{COMMAND_UNITS[command]}]"
         rows.append([title, *map(_quantile, entries)])
     if flights:
