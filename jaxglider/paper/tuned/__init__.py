@@ -2,7 +2,7 @@
 
 A folder for each case, in it a file for each plant and controller. Its provenance says
 which command made it; `benchmarks/tuned_gains.py` makes them all again, but for those
-of ADRC, LQR and fixed-time backstepping, which `benchmarks/bench_laws.py` made.
+of ADRC and fixed-time backstepping, which `benchmarks/bench_laws.py` made.
 """
 
 from pathlib import Path
