@@ -1,7 +1,7 @@
 """Every estimator by its name, and the gains that each begins with.
 
-The gains of the filter follow from the noise of the sensors; all were searched for on
-yos of a shallow Slocum, see `benchmarks/bench_estimators.py`.
+The gains of the filter are what the noise of the sensors suggests; those of the
+observers suit yos of a shallow Slocum, see `benchmarks/bench_estimators.py`.
 """
 
 from collections.abc import Callable
