@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxglider.control.balance import trim_position
+from jaxglider.control.balance import angle_of_attack, trim_position
 from jaxglider.core.runge_kutta import RK4, runge_kutta_step
 from jaxglider.navigation.catalogue import ESTIMATORS, make_estimator
 from jaxglider.navigation.estimator import AbstractEstimator, Moves
@@ -64,7 +64,8 @@ def fly(dt: float = TICK, halves: int = HALVES) -> Flight:
         state, held = carry
         down = jnp.where(jnp.floor(number * STEP / HALF) % 2 == 0, 1.0, -1.0)
         ballast = down * BALLAST
-        position = trim_position(model, -down * PITCH, ballast)
+        pitch = -down * PITCH
+        position = trim_position(model, pitch, ballast, angle_of_attack(model, pitch))
         held = Command(
             follow(held.buoyancy_mass, ballast, PUMP),
             follow(held.mass_position, position, SHIFT),

@@ -44,7 +44,8 @@ def test_tune_own_law(run, tmp_path):
     names, out = run("tune_own_law.py", *options)
     result = names["result"]
     assert len(result.gains) == 6
-    assert "controller.stiffness.depth" in out
+    assert "controller.stiffness.depth" in result.gains
+    assert "held-out test, " in out
     moved = [after / before for before, after in result.gains.values()]
     assert result.interrupted is False
     assert all(0.1 < ratio < 10.0 for ratio in moved)

@@ -102,7 +102,7 @@ def test_a_run_recorded_now_and_then_is_flown_again_tick_by_tick(fly):
     )
     flown = []
 
-    def again(brief, part):
+    def again(brief, part, noise):
         flown.append(brief.scenario.clock.ticks)
         assert jax.tree.leaves(part)[0].shape == (flown[-1] + 1,)
         return before(whole, flown[-1])

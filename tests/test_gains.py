@@ -192,6 +192,7 @@ def test_every_name_stands_for_a_member_of_its_family():
     assert [sorted(members) for members in FAMILIES.values()] == [
         sorted(BY_NAME),
         ["fixed-time", "none"],
+        ["fixed-time", "linear", "model-aided", "perfect"],
         ["exponential", "ppc", "sech"],
         ["bank", "inversion"],
     ]
@@ -233,7 +234,7 @@ def test_a_stranger_to_the_names_cannot_be_written():
         ({"gain": {}}, ("unknown key", "controller.gain", "did you mean gains?")),
         ({"model": {}}, ("unknown key", "controller.model")),
         ({"exponents": "own"}, ("exponents", "one of paper, tian", "'own'")),
-        ({"type": "pid"}, ("controller.type", "smc, ppc, fxtppc", "'pid'")),
+        ({"type": "mpc"}, ("controller.type", "smc, ppc, fxtppc", "'mpc'")),
         ({"smoothing": 0}, ("controller", "smoothing", "positive", "0.0")),
         ({"damping": {"mass_angle": -1}}, ("controller", "damping", "positive", "-1")),
         (

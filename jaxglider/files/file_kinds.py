@@ -40,10 +40,12 @@ def refuse_other_kind(tables: dict[str, Any], wanted: str) -> None:
         ConfigError: says what the file is, and where such a file is named.
     """
     keys = set(tables)
-    if keys <= _KEYS[wanted]:
+    # Missions and uncertainty files share names; only the latter's vehicle is a list.
+    several = wanted == "mission" and isinstance(tables.get("vehicle"), list)
+    if keys <= _KEYS[wanted] and not several:
         return
     for kind, known in _KEYS.items():
-        if keys <= known:
+        if keys <= known and kind != wanted:
             raise ConfigError(
                 f"this is {_a(kind)} file, not {_a(wanted)} file; name it in "
                 f"{_USES[kind]}."

@@ -39,7 +39,7 @@ MEASURES = tuple(field.name for field in dataclasses.fields(ChannelMetrics))
 OUTCOMES = tuple(
     f.name
     for f in dataclasses.fields(Metrics)
-    if f.name not in ("channels", "status", "flight")
+    if f.name not in ("channels", "status", "flight", "navigation")
 )
 FLAGS = ("finite", "capsized")
 METRIC_COLUMNS = (*(f"{c}.{m}" for c in CHANNELS for m in MEASURES), *OUTCOMES)
