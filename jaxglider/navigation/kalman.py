@@ -47,6 +47,7 @@ STATES = (
 )
 """Estimated states of the glider, in the order of the vector."""
 _EXCESS = ("mass", "drag", "roll_moment", "pitch_moment", "yaw_moment")
+_ROLL = STATES.index("roll")
 _READ = 4
 """Number of states that are read: the first ones."""
 _FIRST_DEVIATION = (
@@ -59,7 +60,13 @@ _FIRST_DEVIATION = (
     *(0.1,) * 3,
 )
 """Standard deviations before the first reading [m, rad, m/s, rad/s, kg, 1, N m]."""
-_LARGEST = (np.inf,) * 4 + (3.0,) * 3 + (2.0,) * 3 + (5.0, 0.9, *(50.0,) * 3)
+_LARGEST = (
+    *(np.inf, np.inf, 1.5, np.inf),
+    *(3.0,) * 3,
+    *(2.0,) * 3,
+    *(1.0, 0.6),
+    *(3.0,) * 3,
+)
 """Moduli that no estimate exceeds, in the same units."""
 _LOST = 1e6
 """Variance of any state from which the filter begins again."""
@@ -167,6 +174,8 @@ class ModelAided(AbstractEstimator):
             missed.append(count)
         largest = jnp.asarray(_LARGEST, mean.dtype)
         mean = jnp.clip(mean, -largest, largest)
+        # A wild reading may have left whole turns behind.
+        mean = mean.at[_ROLL].set(wrap(mean[_ROLL]))
         shown = jnp.stack([r.value for r in readings.sensed.fields()])
         # Not even the readings need be numbers then.
         known = jnp.where(jnp.abs(shown) <= ABSURD, shown, 0.0)
