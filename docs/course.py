@@ -1,6 +1,6 @@
 """The picture of the front page: `python docs/course.py` writes images/course.png.
 
-The paper's waypoint course on the `rigid-body` plant, flown by FxTPPC-roll with the
+The paper's waypoint course on the `rigid-body` plant, flown by FxTPPC with the
 gains that come along; its errors are drawn in the paper's funnels.
 """
 
@@ -41,7 +41,7 @@ def draw(path: Path) -> None:
     """The way from above on the left, the three errors on the right."""
     loop = tuned_loop()
     sea = loop.scenario.sea(jax.random.key(0))
-    name = "FxTPPC-roll"
+    name = "FxTPPC"
     runs = {name: jax.device_get(jax.jit(jaxglider.simulate)(loop, sea))}
     course = loop.scenario.reference
     assert isinstance(course, WaypointPath)
