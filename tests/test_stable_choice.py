@@ -49,30 +49,33 @@ def test_the_best_stable_step_is_chosen(problem, unstable):
         step(2, 3.0, unstable),
         step(3, 1.0, start, refused=True),
     ]
-    free, remark = stable_choice(problem, unstable, history)
+    free, remarks = stable_choice(problem, unstable, history)
     np.testing.assert_array_equal(free, start + 1e-3)
-    assert "step 1, the best with a stable loop: 4" in remark
-    assert "3 is the best of all" in remark
+    choice, stability = remarks
+    assert "step 1, the best with a stable loop: 4" in choice
+    assert "3 is the best of all" in choice
+    assert stability.startswith("the loop is stable on 6 straight glides")
 
 
-def test_stable_gains_are_kept_without_a_word(problem):
+def test_stable_gains_are_kept(problem):
     start = problem.space.read(problem.loop)
-    free, remark = stable_choice(problem, start, [step(0, 5.0, start)])
+    free, (stability,) = stable_choice(problem, start, [step(0, 5.0, start)])
     np.testing.assert_array_equal(free, start)
-    assert not remark
+    assert stability.startswith("the loop is stable")
 
 
 def test_where_no_step_is_stable_the_best_is_kept_and_that_is_said(problem, unstable):
-    free, remark = stable_choice(problem, unstable, [step(0, 5.0, unstable)])
+    free, remarks = stable_choice(problem, unstable, [step(0, 5.0, unstable)])
     np.testing.assert_array_equal(free, unstable)
-    assert "no step has a stable loop (1 looked at)" in remark
+    assert remarks[0] == "no step has a stable loop (1 looked at)."
+    assert remarks[1].startswith("the loop is NOT stable")
 
 
 def test_who_lets_go_of_the_constraint_gets_the_best(problem, unstable):
     held = tuple(name for name in HELD_BY_DEFAULT if name != STABLE_LOOP)
     spec = dataclasses.replace(problem.spec, constraints=held)
-    free, remark = stable_choice(
+    free, (stability,) = stable_choice(
         dataclasses.replace(problem, spec=spec), unstable, [step(0, 5.0, jnp.zeros(1))]
     )
     np.testing.assert_array_equal(free, unstable)
-    assert not remark
+    assert stability.startswith("the loop is NOT stable")

@@ -10,7 +10,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from jaxglider.simulation.checks.stability import glides_of, loop_modes, statement
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.uncertainty.members import Uncertainty
 from tuning.api.results import TuneResult
@@ -188,9 +187,9 @@ def solve(
     finally:
         progress.clear()
     progress.show("looking whether the loop is stable on its glides ...")
-    free, choice = stable_choice(problem, outcome.free, outcome.history)
+    choice = stable_choice(problem, outcome.free, outcome.history)
     # By way of the host, off all devices but one: else judging would compile twice.
-    tuned = problem.space.write(problem.loop, jnp.asarray(jax.device_get(free)))
+    tuned = problem.space.write(problem.loop, jnp.asarray(jax.device_get(choice.free)))
     progress.show("judging on held-out members ...")
     before, _ = judging[0].result() if judging else look()
     verdict = compare_held_out(problem, before, judge(tuned))
@@ -200,9 +199,8 @@ def solve(
         progress.show("judging at other ticks and from other roundings ...")
         robust = judge_robustness(judge, tuned)
     remarks = [
-        *([choice] if choice else []),
+        *choice.remarks,
         *([] if gradient is None else [gradient.text()]),
-        *(_stability(tuned, progress) if check else []),
         *([] if robust is None else robust.remarks()),
     ]
     progress.clear()
@@ -238,12 +236,3 @@ def _checkpoint(
     if resume:
         checkpoint.about()
     return checkpoint
-
-
-def _stability(loop: ClosedLoop, progress: Progress) -> list[str]:
-    """Whether a loop is stable on its glides, in words; nothing where it has none."""
-    glides = glides_of(loop)
-    if not glides:
-        return []
-    progress.show("looking whether the loop is stable on its glides ...")
-    return [statement(loop_modes(loop, glides))]

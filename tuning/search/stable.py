@@ -8,9 +8,15 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxglider.core.containers import Series
-from jaxglider.simulation.checks.stability import glides_of, loop_modes
+from jaxglider.simulation.checks.stability import (
+    LoopModes,
+    glides_of,
+    loop_modes,
+    statement,
+)
 from tuning.problem.problem import TuningProblem
 from tuning.search.settings import Step
 from tuning.space.space import STABLE_LOOP
@@ -20,15 +26,16 @@ MOST_TRIED = 16
 
 
 class Choice(NamedTuple):
-    """Free numbers that were chosen, and a sentence where they are not the best.
+    """Free numbers that were chosen, and what there is to say of them.
 
     Attributes:
         free: free numbers.
-        remark: account of the choice; empty where it is the best step.
+        remarks: sentences on the choice, where it is not the best step, and on the
+            stability of the loop; empty where the task has no straight glides.
     """
 
     free: Series
-    remark: str
+    remarks: tuple[str, ...]
 
 
 def stable_choice(
@@ -46,24 +53,34 @@ def stable_choice(
         history: steps of the search.
     """
     glides = glides_of(problem.loop)
-    if STABLE_LOOP not in problem.spec.constraints or not glides:
-        return Choice(chosen, "")
+    if not glides:
+        return Choice(chosen, ())
 
-    def is_stable(free: Series) -> bool:
+    def modes_at(free: Series) -> list[LoopModes]:
+        # By way of the host: what lies on several devices would compile anew.
         at_hand = jnp.asarray(jax.device_get(free))
-        loop = problem.space.write(problem.loop, at_hand)
-        return all(modes.stable for modes in loop_modes(loop, glides))
+        return loop_modes(problem.space.write(problem.loop, at_hand), glides)
 
-    if is_stable(chosen):
-        return Choice(chosen, "")
+    best = modes_at(chosen)
+    said = (statement(best),)
+    if STABLE_LOOP not in problem.spec.constraints or _is_stable(best):
+        return Choice(chosen, said)
     taken = [step for step in history if not step.refused]
     ranking = sorted(taken, key=lambda step: step.validation)[:MOST_TRIED]
     for step in ranking:
-        if is_stable(step.free):
-            return Choice(
-                step.free,
+        if np.array_equal(step.free, chosen):
+            continue
+        modes = modes_at(step.free)
+        if _is_stable(modes):
+            remark = (
                 f"the gains are those of step {step.number}, the best with a stable "
                 f"loop: {step.validation:.4g} on the validation members, where "
-                f"{ranking[0].validation:.4g} is the best of all.",
+                f"{ranking[0].validation:.4g} is the best of all."
             )
-    return Choice(chosen, f"no step has a stable loop ({len(ranking)} looked at).")
+            return Choice(step.free, (remark, statement(modes)))
+    none = f"no step has a stable loop ({len(ranking)} looked at)."
+    return Choice(chosen, (none, *said))
+
+
+def _is_stable(modes: list[LoopModes]) -> bool:
+    return all(one.stable for one in modes)
