@@ -23,6 +23,8 @@ from jaxglider.signals import Reference
 
 ANY = Interval(-1e3, 1e3)
 """Set of a gain that may have either sign."""
+SIGN = Interval(-1.0, 1.0, closed_low=True, closed_high=True)
+"""Set of the sign of a turn."""
 BEFORE = 1e6
 """Clock [s] of a phase before the first: any other is a change."""
 SOFTNESS = 0.2

@@ -127,7 +127,7 @@ def _push_and_gain(
     return left
 
 
-def alone(
+def steering_angle(
     steering: AbstractSteering,
     model: DesignModel,
     measurement: Measurement,
@@ -135,7 +135,7 @@ def alone(
     ballast: Scalar,
     damping: Command[Scalar],
 ) -> Scalar:
-    """Mass or fin angle [rad] for a turn, for laws that set the other two themselves.
+    """Mass or fin angle [rad] for a turn, of a law that sets the other two itself.
 
     Args:
         steering: way to steer.

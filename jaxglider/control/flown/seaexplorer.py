@@ -31,6 +31,7 @@ from jaxglider.control.controller import (
 from jaxglider.control.parts import (
     ANY,
     BEFORE,
+    SIGN,
     Phase,
     beyond,
     gain,
@@ -56,7 +57,6 @@ from jaxglider.signals import (
 from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.moving_mass import FinActuation
 
-_SIGN = Interval(-1.0, 1.0, closed_low=True, closed_high=True)
 _OFFSET = Interval(-0.1, 0.1)
 
 
@@ -116,8 +116,8 @@ class SeaExplorer(AbstractController):
     largest_angle: Scalar = gain(
         math.radians(45.0), "rad", Interval(0.0, math.pi / 2), tuned=False
     )
-    dive_sign: Scalar = gain(1.0, "", _SIGN, tuned=False)
-    climb_sign: Scalar = gain(-1.0, "", _SIGN, tuned=False)
+    dive_sign: Scalar = gain(1.0, "", SIGN, tuned=False)
+    climb_sign: Scalar = gain(-1.0, "", SIGN, tuned=False)
     dive_offset: Scalar = gain(0.0, "m", _OFFSET)
     climb_offset: Scalar = gain(0.0, "m", _OFFSET)
     pitch_gain: Scalar = gain(0.0, "m_rad", NOT_NEGATIVE)

@@ -34,6 +34,7 @@ from jaxglider.control.controller import (
 )
 from jaxglider.control.parts import (
     BEFORE,
+    SIGN,
     Phase,
     beyond,
     chosen,
@@ -62,7 +63,6 @@ LEFT_ALONE = 2.0
 """Number of looks at the start of a phase that do not adjust the pitch."""
 _SHALLOW = 0.3
 _ANGLE = Interval(-0.5, 0.5)
-_SIGN = Interval(-1.0, 1.0, closed_low=True, closed_high=True)
 
 
 class SeagliderState(eqx.Module):
@@ -138,8 +138,8 @@ class Seaglider(AbstractController):
     climb_centre: Scalar = gain(0.0, "rad", _ANGLE)
     centre_gain: Scalar = gain(1.5, "s")
     centre_band: Scalar = gain(7e-4, "rad_s")
-    dive_sign: Scalar = gain(1.0, "", _SIGN, tuned=False)
-    climb_sign: Scalar = gain(-1.0, "", _SIGN, tuned=False)
+    dive_sign: Scalar = gain(1.0, "", SIGN, tuned=False)
+    climb_sign: Scalar = gain(-1.0, "", SIGN, tuned=False)
     rate_gain: Scalar = gain(2.6, "kg_s_m")
     rate_band: Scalar = gain(0.005, "m_s")
     interval: Scalar = gain(300.0, "s", POSITIVE, tuned=False)

@@ -43,6 +43,7 @@ from jaxglider.control.flown.battery import Looks, Shifts, looked, remembered
 from jaxglider.control.flown.fin import NEARLY_OVER, FinGains, Turning, steered
 from jaxglider.control.parts import (
     ANY,
+    SIGN,
     gain,
     is_due,
     replaced,
@@ -57,8 +58,6 @@ from jaxglider.guidance.phases import SURFACE
 from jaxglider.signals import Channels, Command, Measurement, Reference, zeros
 from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.moving_mass import FinActuation
-
-_SIGN = Interval(-1.0, 1.0, closed_low=True, closed_high=True)
 
 
 class SlocumState(eqx.Module):
@@ -119,8 +118,8 @@ class Slocum(AbstractController):
     model: DesignModel
     funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})
     steering_limit: Scalar = gain(0.425, "rad", Interval(0.0, math.pi), tuned=False)
-    dive_sign: Scalar = gain(1.0, "", _SIGN, tuned=False)
-    climb_sign: Scalar = gain(1.0, "", _SIGN, tuned=False)
+    dive_sign: Scalar = gain(1.0, "", SIGN, tuned=False)
+    climb_sign: Scalar = gain(1.0, "", SIGN, tuned=False)
     heading_gain: Scalar = gain(1.5, "1_rad")
     heading_integral: Scalar = gain(0.02, "1_rad_s")
     heading_rate: Scalar = gain(-4.0, "s_rad", ANY)

@@ -26,9 +26,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxglider.control.controller import (
-    AbstractController,
     ControlRecord,
-    default_damping,
     tracking_error,
 )
 from jaxglider.control.parts import gain
@@ -38,8 +36,9 @@ from jaxglider.control.steering import (
     INVERSION,
     AbstractSteering,
     Asked,
-    alone,
+    steering_angle,
 )
+from jaxglider.control.textbook.steered import AbstractSteeredLaw
 from jaxglider.core.containers import Flag, Scalar
 from jaxglider.core.rotations import wrap
 from jaxglider.core.sets import POSITIVE
@@ -87,26 +86,20 @@ class ADRCState(eqx.Module):
     begun: Scalar
 
 
-class ADRC(AbstractController):
+class ADRC(AbstractSteeredLaw):
     """Three extended state observers, and a pole placed in each channel.
 
     Attributes:
-        model: design model, which the steering is taken from.
-        funnel: funnel that errors are judged by, or None; the law does not use it.
         control: ω_c of each channel [rad/s].
         observer: ω_o of each channel [rad/s].
         depth_input: b₀ of the depth, acceleration downward per ballast [m/(s² kg)].
         pitch_input: −b₀ of the pitch, nose-down per forward place [rad/(s² m)].
         heading_input: b₀ of the heading, turn carried out per turn asked for.
-        damping: damping of the allocation, for a steering that inverts.
-        steering: way to steer; the paper's inversion by default.
 
     Raises:
         ValueError: a number is not positive.
     """
 
-    model: DesignModel
-    funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})
     control: Channels[Scalar] = eqx.field(
         default_factory=lambda: Channels(0.08, 0.25, 0.06), metadata={"set": POSITIVE}
     )
@@ -116,10 +109,6 @@ class ADRC(AbstractController):
     depth_input: Scalar = gain(0.08, "m_s2_kg", POSITIVE)
     pitch_input: Scalar = gain(3.0, "rad_s2_m", POSITIVE)
     heading_input: Scalar = gain(1.0, "", POSITIVE)
-    damping: Command[Scalar] = eqx.field(
-        default_factory=default_damping, metadata={"set": POSITIVE}
-    )
-    steering: AbstractSteering = INVERSION
 
     @classmethod
     def initial(
@@ -172,7 +161,7 @@ class ADRC(AbstractController):
         if measurement.buoyancy_mass is not None:
             ballast = measurement.buoyancy_mass
         turn = wanted.heading / self.heading_input
-        angle = alone(
+        angle = steering_angle(
             self.steering, self.model, measurement, turn, ballast, self.damping
         )
         command = Command(ballast, -wanted.pitch / self.pitch_input, angle)

@@ -17,15 +17,12 @@ for 1/s² is more than a glider's actuators can follow.
 import equinox as eqx
 
 from jaxglider.control.controller import (
-    AbstractController,
     ControlRecord,
     allocate,
-    default_damping,
     steered_error,
 )
-from jaxglider.control.prescribed.funnel import Funnel
 from jaxglider.control.prescribed.performance import Bound
-from jaxglider.control.steering import INVERSION, AbstractSteering
+from jaxglider.control.textbook.steered import AbstractSteeredLaw
 from jaxglider.core.containers import Scalar
 from jaxglider.core.sets import NOT_NEGATIVE, POSITIVE
 from jaxglider.signals import (
@@ -36,29 +33,22 @@ from jaxglider.signals import (
     map_fields,
     zeros,
 )
-from jaxglider.vehicle.design_model import DesignModel
 
 
-class Backstepping(AbstractController):
+class Backstepping(AbstractSteeredLaw):
     """Adaptive backstepping on each channel.
 
     Attributes:
-        model: design model, the designer's belief about the glider.
-        funnel: funnel that errors are judged by, or None; the law does not use it.
         c1: c₁ of each channel [1/s].
         c2: c₂ of each channel [1/s].
         coupling: κ of each channel [1/s²].
         adaptation: Γ of each channel [1/s²].
         leakage: σ of each channel [1/s].
-        damping: damping of the allocation, one number per actuator.
-        steering: way to steer; the paper's inversion by default.
 
     Raises:
         ValueError: a number is outside its set.
     """
 
-    model: DesignModel
-    funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})
     c1: Channels[Scalar] = eqx.field(
         default_factory=lambda: Channels(0.05, 0.1, 0.05), metadata={"set": POSITIVE}
     )
@@ -77,26 +67,6 @@ class Backstepping(AbstractController):
         default_factory=lambda: Channels(0.005, 0.005, 0.01),
         metadata={"set": NOT_NEGATIVE},
     )
-    damping: Command[Scalar] = eqx.field(
-        default_factory=default_damping, metadata={"set": POSITIVE}
-    )
-    steering: AbstractSteering = INVERSION
-
-    @classmethod
-    def initial(
-        cls,
-        model: DesignModel,
-        funnel: Funnel | None = None,
-        steering: AbstractSteering = INVERSION,
-    ) -> "Backstepping":
-        """The law with gains by hand for a SeaWing that steers by bank.
-
-        Args:
-            model: design model.
-            funnel: funnel that errors are judged by.
-            steering: way to steer.
-        """
-        return cls(model, funnel, steering=steering)
 
     def init(self) -> Channels[Scalar]:
         """Θ̂ of each channel, zero [m/s², rad/s²]."""

@@ -18,20 +18,16 @@ actuator does not carry out the theory does not know.
 import equinox as eqx
 
 from jaxglider.control.controller import (
-    AbstractController,
     ControlRecord,
     allocate,
-    default_damping,
     steered_error,
 )
-from jaxglider.control.prescribed.funnel import Funnel
 from jaxglider.control.prescribed.performance import Bound
-from jaxglider.control.steering import INVERSION, AbstractSteering
+from jaxglider.control.textbook.steered import AbstractSteeredLaw
 from jaxglider.core.containers import Container, Scalar, as_float
 from jaxglider.core.numerics import modulus_powers, signed_powers
 from jaxglider.core.sets import ABOVE_ONE, NOT_NEGATIVE, POSITIVE, UNIT
 from jaxglider.signals import Channels, Command, Measurement, Reference, map_fields
-from jaxglider.vehicle.design_model import DesignModel
 
 
 class Reaching(Container):
@@ -80,56 +76,36 @@ class Reaching(Container):
         )
 
 
-class FixedTimeBackstepping(AbstractController):
+class FixedTimeBackstepping(AbstractSteeredLaw):
     """Fixed-time backstepping on each channel.
 
     Attributes:
-        model: design model, the designer's belief about the glider.
         outer: R_k of each channel, on the error.
         inner: R_l of each channel, on the rate.
         coupling: κ of each channel [1/s²].
-        funnel: funnel that errors are judged by, or None; the law does not use it.
-        damping: damping of the allocation, one number per actuator.
         smoothing: δ of the signed powers.
-        steering: way to steer; the paper's inversion by default.
 
     Raises:
         ValueError: a number is outside its set.
     """
 
-    model: DesignModel
-    outer: Channels[Reaching]
-    inner: Channels[Reaching]
-    coupling: Channels[Scalar] = eqx.field(metadata={"set": NOT_NEGATIVE})
-    funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})
-    damping: Command[Scalar] = eqx.field(
-        default_factory=default_damping, metadata={"set": POSITIVE}
+    outer: Channels[Reaching] = eqx.field(
+        default_factory=lambda: Channels(
+            Reaching(0.03, 0.03), Reaching(0.06, 0.06), Reaching(0.02, 0.02)
+        )
+    )
+    inner: Channels[Reaching] = eqx.field(
+        default_factory=lambda: Channels(
+            Reaching(0.1, 0.1), Reaching(0.15, 0.15), Reaching(0.06, 0.06)
+        )
+    )
+    coupling: Channels[Scalar] = eqx.field(
+        default_factory=lambda: Channels(0.001, 0.005, 0.001),
+        metadata={"set": NOT_NEGATIVE},
     )
     smoothing: Scalar = eqx.field(
         converter=as_float, default=0.01, metadata={"set": POSITIVE, "tuned": False}
     )
-    steering: AbstractSteering = INVERSION
-
-    @classmethod
-    def initial(
-        cls,
-        model: DesignModel,
-        funnel: Funnel | None = None,
-        steering: AbstractSteering = INVERSION,
-    ) -> "FixedTimeBackstepping":
-        """The law with gains by hand for a SeaWing that steers by bank.
-
-        Args:
-            model: design model.
-            funnel: funnel that errors are judged by.
-            steering: way to steer.
-        """
-        outer = Channels(
-            Reaching(0.03, 0.03), Reaching(0.06, 0.06), Reaching(0.02, 0.02)
-        )
-        inner = Channels(Reaching(0.1, 0.1), Reaching(0.15, 0.15), Reaching(0.06, 0.06))
-        coupling = Channels(0.001, 0.005, 0.001)
-        return cls(model, outer, inner, coupling, funnel, steering=steering)
 
     def init(self) -> None:
         """No state: the law has no memory."""

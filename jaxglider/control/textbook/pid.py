@@ -24,20 +24,16 @@ import jax.numpy as jnp
 
 from jaxglider.control.balance import wanted_trim
 from jaxglider.control.controller import (
-    AbstractController,
     ControlRecord,
-    default_damping,
     steered_error,
 )
 from jaxglider.control.parts import gain, wound_back
-from jaxglider.control.prescribed.funnel import Funnel
 from jaxglider.control.prescribed.performance import Bound
 from jaxglider.control.steering import (
-    INVERSION,
-    AbstractSteering,
     Asked,
-    alone,
+    steering_angle,
 )
+from jaxglider.control.textbook.steered import AbstractSteeredLaw
 from jaxglider.core.containers import Scalar
 from jaxglider.core.sets import POSITIVE
 from jaxglider.signals import (
@@ -48,7 +44,6 @@ from jaxglider.signals import (
     map_fields,
     zeros,
 )
-from jaxglider.vehicle.design_model import DesignModel
 
 
 class PIDState(eqx.Module):
@@ -63,12 +58,10 @@ class PIDState(eqx.Module):
     asked: Asked
 
 
-class PID(AbstractController):
+class PID(AbstractSteeredLaw):
     """Trim feedforward and a PID for each of ballast, mass position and turn.
 
     Attributes:
-        model: design model, which trim and steering are taken from.
-        funnel: funnel that errors are judged by, or None; the law does not use it.
         depth_gain: K_p of the depth [kg/m].
         depth_integral: K_i of the depth [kg/(m s)].
         depth_rate: K_d of the depth [kg s/m].
@@ -81,15 +74,11 @@ class PID(AbstractController):
         heading_integral: K_i of the heading [1/s³].
         heading_rate: K_d of the heading [1/s].
         heading_tracking: T_t of the heading [s].
-        damping: damping of the allocation, for a steering that inverts.
-        steering: way to steer; the paper's inversion by default.
 
     Raises:
         ValueError: a number is outside its set.
     """
 
-    model: DesignModel
-    funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})
     depth_gain: Scalar = gain(0.1, "kg_m")
     depth_integral: Scalar = gain(1e-3, "kg_m_s")
     depth_rate: Scalar = gain(2.5, "kg_s_m")
@@ -102,26 +91,6 @@ class PID(AbstractController):
     heading_integral: Scalar = gain(5e-5, "1_s3")
     heading_rate: Scalar = gain(0.25, "1_s")
     heading_tracking: Scalar = gain(100.0, "s", POSITIVE)
-    damping: Command[Scalar] = eqx.field(
-        default_factory=default_damping, metadata={"set": POSITIVE}
-    )
-    steering: AbstractSteering = INVERSION
-
-    @classmethod
-    def initial(
-        cls,
-        model: DesignModel,
-        funnel: Funnel | None = None,
-        steering: AbstractSteering = INVERSION,
-    ) -> "PID":
-        """The law with the gains it begins with, by hand for a SeaWing.
-
-        Args:
-            model: design model.
-            funnel: funnel that errors are judged by.
-            steering: way to steer.
-        """
-        return cls(model, funnel, steering=steering)
 
     def init(self) -> PIDState:
         """Nothing added up, nothing asked for."""
@@ -152,7 +121,7 @@ class PID(AbstractController):
         turn = integral.heading - (
             self.heading_gain * error.heading + self.heading_rate * rate.heading
         )
-        angle = alone(
+        angle = steering_angle(
             self.steering, self.model, measurement, turn, ballast, self.damping
         )
         wanted = Command(ballast, position, angle)
