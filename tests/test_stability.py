@@ -11,6 +11,8 @@ import pytest
 from jaxglider import NoObserver, paper
 from jaxglider.control import AbstractController, ControlRecord
 from jaxglider.control.controller import tracking_error
+from jaxglider.files.gains import load_gains
+from jaxglider.paper.tuned import tuned_gains
 from jaxglider.signals import Command
 from jaxglider.simulation.checks.stability import (
     Glide,
@@ -75,6 +77,17 @@ def test_inversion_loses_the_climb_that_steering_by_bank_holds():
     )
     # The zero of the climbing glider, which an inverse turns into a pole.
     assert lost.growth == pytest.approx(0.093, rel=0.1)
+
+
+@pytest.mark.parametrize("plant", ["rigid-body", "seawing"])
+@pytest.mark.parametrize("case", paper.SCENARIOS)
+def test_fxtppc_with_the_gains_that_come_along_is_stable(case, plant):
+    scenario = paper.make_scenario(case, plant)
+    model = paper.design_model(scenario.plant)
+    loop = load_gains(tuned_gains(case, plant, "fxtppc"), case, model).on(scenario)
+    modes = loop_modes(loop, glides_of(loop))
+    assert len(modes) == 6
+    assert [one.text() for one in modes if not one.stable] == []
 
 
 def test_glides_are_those_of_the_schedule_in_both_directions():
