@@ -32,6 +32,7 @@ from jaxglider.control.controller import (
     ControlRecord,
     tracking_error,
 )
+from jaxglider.control.flown.roll import Roll, RollGains, begun, ended
 from jaxglider.control.parts import (
     BEFORE,
     SIGN,
@@ -74,10 +75,7 @@ class SeagliderState(eqx.Module):
         looks: number of looks in this phase.
         adjustment: a, shift of the mass that is learnt [m].
         more: ballast added for the depth rate [kg].
-        turn: side of the heading error that a turn is on for, 0 for no turn.
-        turning: time since the turn began [s].
-        dive_centre: γ₀ in dives [rad].
-        climb_centre: γ₀ in climbs [rad].
+        roll: memory of the turns.
         command: command of the last run [kg, m, rad].
     """
 
@@ -86,10 +84,7 @@ class SeagliderState(eqx.Module):
     looks: Scalar
     adjustment: Scalar
     more: Scalar
-    turn: Scalar
-    turning: Scalar
-    dive_centre: Scalar
-    climb_centre: Scalar
+    roll: Roll
     command: Command[Scalar]
 
 
@@ -190,10 +185,7 @@ class Seaglider(AbstractController):
             looks=zero,
             adjustment=zero,
             more=zero,
-            turn=zero,
-            turning=zero,
-            dive_centre=self.dive_centre,
-            climb_centre=self.climb_centre,
+            roll=Roll(zero, zero, self.dive_centre, self.climb_centre),
             command=zeros(Command, zero),
         )
 
@@ -220,66 +212,62 @@ class Seaglider(AbstractController):
         changed = has_changed(state.phase, phase)
         due = changed | is_due(state.elapsed, self.interval, dt)
         climbing = reference.position.pitch > 0.0
-        turned = self._turned(state, error.heading, dt)
-        looked = self._look(
-            turned, measurement, reference, (error, rate), climbing, changed
-        )
-        now: SeagliderState = replaced(due, looked, turned)
+        gains = self.roll_gains()
+        kept = ended(state.roll, error.heading, gains, dt)
+        turn_rate = rate.heading + reference.rate.heading
         sign = jnp.where(climbing, self.climb_sign, self.dive_sign)
-        centre = jnp.where(climbing, now.climb_centre, now.dive_centre)
+        fresh = begun(kept, error.heading, turn_rate, climbing, sign, gains)
+        roll: Roll = replaced(due, fresh, kept)
+        looked = self._look(
+            state, measurement, reference, error.pitch, rate.depth, changed
+        )
+        now: SeagliderState = replaced(due, looked, state)
         command = Command(
             now.command.buoyancy_mass,
             now.command.mass_position,
-            centre - sign * self.roll_angle * now.turn,
+            roll.centre(climbing) - sign * self.roll_angle * roll.turn,
         )
         elapsed = jnp.where(due, 0.0, state.elapsed) + dt
         following = eqx.tree_at(
-            lambda s: (s.command, s.elapsed, s.phase), now, (command, elapsed, phase)
+            lambda s: (s.command, s.elapsed, s.phase, s.roll),
+            now,
+            (command, elapsed, phase, roll),
         )
         return command, following, ControlRecord(error, error)
 
-    def _turned(
-        self, state: SeagliderState, error: Scalar, dt: Scalar
-    ) -> SeagliderState:
-        """The memory with a turn ended that has done its work, or has lasted enough."""
-        over = (error * state.turn <= 0.0) | (state.turning >= self.longest_turn)
-        turn = jnp.where(over, 0.0, state.turn)
-        turning = jnp.where(turn == 0.0, 0.0, state.turning + dt)
-        return eqx.tree_at(lambda s: (s.turn, s.turning), state, (turn, turning))
+    def roll_gains(self) -> RollGains:
+        """The numbers of the turns."""
+        return RollGains(
+            self.heading_band, self.longest_turn, self.centre_gain, self.centre_band
+        )
 
     def _look(
         self,
         state: SeagliderState,
         measurement: Measurement,
         reference: Reference,
-        errors: tuple[Channels[Scalar], Channels[Scalar]],
-        climbing: Flag,
+        error: Scalar,
+        depth_rate: Scalar,
         changed: Flag,
     ) -> SeagliderState:
-        """The memory after a look: pitch, then ballast, then roll."""
-        error, rate = errors
+        """The memory after a look at pitch and ballast."""
         looks = jnp.where(changed, 0.0, state.looks)
         learns = jnp.where(looks >= LEFT_ALONE, 1.0, 0.0).astype(looks.dtype)
-        learns *= beyond(jnp.abs(error.pitch), self.adjust_band)
+        learns *= beyond(jnp.abs(error), self.adjust_band)
         adjustment = jnp.where(changed, 0.0, state.adjustment)
-        adjustment += learns * self.adjust_gain * error.pitch
-        more, ballast = self._ballast(state, measurement, reference, rate, looks)
+        adjustment += learns * self.adjust_gain * error
+        more, ballast = self._ballast(state, measurement, reference, depth_rate, looks)
         place = self.place(reference.position.pitch, ballast) + adjustment
         held = state.command.mass_position
         moves = beyond(jnp.abs(place - held), self.least_move)
         place = jnp.where(changed, place, chosen(moves, place, held))
-        turns = beyond(jnp.abs(error.heading), self.heading_band)
-        dive, climb = self._centres(state, measurement, rate, reference, climbing)
         return SeagliderState(
             elapsed=state.elapsed,
             phase=state.phase,
             looks=looks + 1.0,
             adjustment=adjustment,
             more=more,
-            turn=turns * jnp.sign(error.heading),
-            turning=jnp.zeros_like(state.turning),
-            dive_centre=dive,
-            climb_centre=climb,
+            roll=state.roll,
             command=Command(ballast, place, state.command.mass_angle),
         )
 
@@ -288,7 +276,7 @@ class Seaglider(AbstractController):
         state: SeagliderState,
         measurement: Measurement,
         reference: Reference,
-        rate: Channels[Scalar],
+        depth_rate: Scalar,
         looks: Scalar,
     ) -> tuple[Scalar, Scalar]:
         """Ballast added for the depth rate, and the whole ballast with it [kg]."""
@@ -296,26 +284,7 @@ class Seaglider(AbstractController):
         if reference.orders is not None:
             return state.more, trim
         wanted = reference.rate.depth
-        missing = jnp.abs(wanted) - jnp.abs(wanted + rate.depth)
+        missing = jnp.abs(wanted) - jnp.abs(wanted + depth_rate)
         slow = beyond(missing, self.rate_band) * self.rate_gain * missing
         more = jnp.where(looks > 0.0, state.more + slow, 0.0)
         return more, trim + jnp.sign(trim) * more
-
-    def _centres(
-        self,
-        state: SeagliderState,
-        measurement: Measurement,
-        rate: Channels[Scalar],
-        reference: Reference,
-        climbing: Flag,
-    ) -> tuple[Scalar, Scalar]:
-        """γ₀ of dives and climbs after a look; trimmed where no turn was on."""
-        turning = rate.heading + reference.rate.heading
-        still = jnp.where(state.turn == 0.0, 1.0, 0.0).astype(turning.dtype)
-        still *= beyond(jnp.abs(turning), self.centre_band)
-        sign = jnp.where(climbing, self.climb_sign, self.dive_sign)
-        step = -sign * still * self.centre_gain * turning
-        return (
-            state.dive_centre + jnp.where(climbing, 0.0, step),
-            state.climb_centre + jnp.where(climbing, step, 0.0),
-        )
