@@ -66,18 +66,9 @@ def roll(
         ValueError: a number of ticks does not divide that of the run, or samples of
             instruments are missing.
     """
-    ticks = loop.scenario.clock.ticks
-    every = {"checkpoint_every": checkpoint_every, "keep_every": keep_every}
-    for name, number in every.items():
-        if number < 1 or ticks % number:
-            raise ValueError(
-                f"{name} must divide the {ticks} ticks; received {number}."
-            )
-    if loop.scenario.instruments is not None and not isinstance(noise, Sampled):
-        raise ValueError(
-            "a scenario with instruments needs their samples: pass "
-            "loop.scenario.noise(key) as the third argument."
-        )
+    _check(
+        loop.scenario, noise, checkpoint_every=checkpoint_every, keep_every=keep_every
+    )
     first, ends = (
         jax.tree.map(lambda path, part=part: path[part], (sea, noise))
         for part in (0, slice(1, None))
@@ -112,6 +103,21 @@ def roll(
         (last, _), outputs = lax.scan(again, start, parts)
         outputs = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), outputs)
     return _finished(loop.scenario, last), outputs
+
+
+def _check(scenario: Scenario, noise: SensorErrors | None, **every: int) -> None:
+    """Refuse parts that do not fill the run, and instruments without samples."""
+    ticks = scenario.clock.ticks
+    for name, number in every.items():
+        if number < 1 or ticks % number:
+            raise ValueError(
+                f"{name} must divide the {ticks} ticks; received {number}."
+            )
+    if scenario.instruments is not None and not isinstance(noise, Sampled):
+        raise ValueError(
+            "a scenario with instruments needs their samples: pass "
+            "loop.scenario.noise(key) as the third argument."
+        )
 
 
 def _finished(scenario: Scenario, last: Carry) -> Metrics:
