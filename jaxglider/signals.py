@@ -262,6 +262,11 @@ def zeros(kind: type[C], like: Any = 0.0) -> C:
     return kind(*(zero for _ in dataclasses.fields(kind)))  # type: ignore[arg-type]
 
 
+def depth_rate(state: GliderState) -> Scalar:
+    """Z' [m/s], positive down."""
+    return frames.body_to_ned(state.attitude(), state.surge, state.sway, state.heave)[2]
+
+
 def output_rates(measurement: Measurement) -> Channels[Scalar]:
     """η' = J(η) ν: rates of depth [m/s], pitch and heading [rad/s]."""
     s, a = measurement.state, measurement.attitude

@@ -1,13 +1,22 @@
-"""Remarks on a mission that can be flown: places and limits hardly meant so."""
+"""Remarks on a mission that can be flown: what is hardly meant so, or not its own."""
 
 import math
 from typing import Any
 
+from jaxglider import paper
 from jaxglider.signals import COMMAND_UNITS, Command
 from jaxglider.vehicle.parameters import VehicleData
 
 FASTEST = 3.0
 """No glider is faster through the water, nor any current [m/s]."""
+_OF_THE_PAPER = {
+    "vehicle": "SeaWing on the printed plant",
+    "reference": "a schedule of four attitudes",
+    "reference.schedule": "gliding angles and depth rates",
+    "controller": "FxTPPC and its gains",
+    "clock": "800 s in ticks of 0.05 s",
+}
+"""The stand-ins for tables that are left out, from the paper's cases."""
 
 
 def course_remarks(data: dict[str, Any]) -> tuple[str, ...]:
@@ -79,6 +88,27 @@ def vehicle_remarks(
                 f"the {most:.4g} {unit}/s of the file of {vehicle.name}."
             )
     return tuple(remarks)
+
+
+def stand_ins(data: dict[str, Any]) -> str:
+    """Sentences on what is the paper's or the vehicle's in a mission.
+
+    Args:
+        data: tables of the mission, which have been read without a complaint.
+    """
+    missing = [name for name in _OF_THE_PAPER if "." not in name and name not in data]
+    reference = data.get("reference", {"schedule": None})
+    if "schedule" not in reference and reference.get("type") != "yo":
+        missing.append("reference.schedule")
+    plant = data.get("vehicle", {}).get("plant", "printed")
+    rates = ""
+    if "actuators" not in data and paper.default_actuators(plant) == "vehicle":
+        rates = "the actuators move as fast as the vehicle's file says."
+    if not missing:
+        return rates
+    words = "; ".join(f"{name}: {_OF_THE_PAPER[name]}" for name in missing)
+    said = f"tables that the mission leaves out are the paper's ({words})."
+    return f"{said} {rates}".strip()
 
 
 def _listed(values: Any) -> list[float]:

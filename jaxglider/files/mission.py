@@ -15,7 +15,11 @@ from jaxglider import paper
 from jaxglider.control import Funnel
 from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode
-from jaxglider.files.course_remarks import course_remarks, vehicle_remarks
+from jaxglider.files.course_remarks import (
+    course_remarks,
+    stand_ins,
+    vehicle_remarks,
+)
 from jaxglider.files.file_kinds import refuse_other_kind
 from jaxglider.files.flight.sensor_tables import read_reckoning, read_sensors
 from jaxglider.files.flight.start_tables import (
@@ -49,6 +53,7 @@ from jaxglider.simulation.gains import LoadedGains
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.simulation.specification import Specification
 from jaxglider.vehicle.design_model import DesignModel
+from jaxglider.vehicle.parameters import VehicleData
 from jaxglider.vehicle.plant import AbstractPlant
 
 TEMPLATE = functools.partial(
@@ -56,15 +61,6 @@ TEMPLATE = functools.partial(
     encoding="utf-8",
 )
 """Call it for the text of a complete, commented mission file."""
-
-_OF_THE_PAPER = {
-    "vehicle": "SeaWing on the printed plant",
-    "reference": "a schedule of four attitudes",
-    "reference.schedule": "gliding angles and depth rates",
-    "controller": "FxTPPC and its gains",
-    "clock": "800 s in ticks of 0.05 s",
-}
-"""The stand-ins for tables that are left out, from the paper's cases."""
 
 SEEDS = 2**32
 """Seeds are below this: what a key of JAX takes in either precision."""
@@ -130,22 +126,7 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     name, seed = top.text("name", "mission"), top.whole("seed", 0)
     if not 0 <= seed < SEEDS:
         raise ConfigError(f"seed must be in [0, {SEEDS}); received {seed}.")
-    vehicle_table = top.table("vehicle")
-    vehicle = read_vehicle(vehicle_table, folder)
-    plant_name = vehicle_table.text("plant", "printed")
-    make_plant = choice(plant_name, paper.PLANTS, "vehicle.plant")
-    factor = vehicle_table.number("design_factor", paper.DESIGN_FACTOR)
-    vehicle_table.close()
-    try:
-        plant = make_plant(vehicle)
-    except ValueError as error:
-        raise ConfigError(f"vehicle.plant: {error}") from error
-    if factor <= 0.0:
-        raise ConfigError(f"vehicle.design_factor must be positive; received {factor}.")
-    try:
-        model = paper.design_model(plant, factor)
-    except ValueError as error:
-        raise ConfigError(f"vehicle.design_factor: {error}") from error
+    vehicle, plant_name, plant, model = _glider(top.table("vehicle"), folder)
     task = top.table("reference")
     yo_route = task.get("type", "") == "yo" and task.get("waypoints", None) is not None
     case = paper_case(task.text("type", "schedule") == "waypoints" or yo_route)
@@ -166,11 +147,9 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
         ),
         read_initial_state(start, origin, water),
     )
-    bottom = top.get("seabed", None)
-    seabed = read_seabed(None if bottom is None else top.table("seabed"))
+    seabed = read_seabed(_optional(top, "seabed"))
     energy = read_energy(top.table("energy"), vehicle.energy)
-    sensing = None if top.get("sensors", None) is None else top.table("sensors")
-    instruments = read_sensors(sensing, vehicle.sensors)
+    instruments = read_sensors(_optional(top, "sensors"), vehicle.sensors)
     try:
         scenario = Scenario(
             *parts,
@@ -195,24 +174,33 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     law = law._replace(observer=observer, guidance=guidance, estimator=estimator)
     loop, beyond = law.on(scenario), vehicle_remarks(vehicle, plant_name, parts[2])
     remarks = (*course_remarks(data), *beyond)
-    return Mission(name, loop, seed, law, model, plant_name, remarks, _stand_ins(data))
+    return Mission(name, loop, seed, law, model, plant_name, remarks, stand_ins(data))
 
 
-def _stand_ins(data: dict[str, Any]) -> str:
-    """A sentence on the paper's part in a mission whose tables have been read."""
-    missing = [name for name in _OF_THE_PAPER if "." not in name and name not in data]
-    reference = data.get("reference", {"schedule": None})
-    if "schedule" not in reference and reference.get("type") != "yo":
-        missing.append("reference.schedule")
-    plant = data.get("vehicle", {}).get("plant", "printed")
-    rates = ""
-    if "actuators" not in data and paper.default_actuators(plant) == "vehicle":
-        rates = "the actuators move as fast as the vehicle's file says."
-    if not missing:
-        return rates
-    words = "; ".join(f"{name}: {_OF_THE_PAPER[name]}" for name in missing)
-    said = f"tables that the mission leaves out are the paper's ({words})."
-    return f"{said} {rates}".strip()
+def _optional(top: TomlTable, name: str) -> TomlTable | None:
+    """A table, or None where the file has none of the name."""
+    return None if top.get(name, None) is None else top.table(name)
+
+
+def _glider(
+    table: TomlTable, folder: Path
+) -> tuple[VehicleData, str, AbstractPlant, DesignModel]:
+    """Vehicle, name of its plant, plant, and the design model of its laws."""
+    vehicle = read_vehicle(table, folder)
+    name = table.text("plant", "printed")
+    make_plant = choice(name, paper.PLANTS, "vehicle.plant")
+    factor = table.number("design_factor", paper.DESIGN_FACTOR)
+    table.close()
+    try:
+        plant = make_plant(vehicle)
+    except ValueError as error:
+        raise ConfigError(f"vehicle.plant: {error}") from error
+    if factor <= 0.0:
+        raise ConfigError(f"vehicle.design_factor must be positive; received {factor}.")
+    try:
+        return vehicle, name, plant, paper.design_model(plant, factor)
+    except ValueError as error:
+        raise ConfigError(f"vehicle.design_factor: {error}") from error
 
 
 def paper_case(has_waypoints: bool) -> str:

@@ -5,17 +5,15 @@ of a schedule began: the first `AFTER` seconds, and what follows. At the surface
 judges them.
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Scalar
 from jaxglider.core.numerics import square_root
-from jaxglider.core.rotations import body_to_ned, wrap
+from jaxglider.core.rotations import wrap
 from jaxglider.navigation.reckoning import ReckoningState
-from jaxglider.signals import GliderState
+from jaxglider.signals import GliderState, depth_rate, zeros
 
 AFTER = 40.0
 """Time after an inflection in which estimates are still disturbed by it [s]."""
@@ -106,7 +104,7 @@ class NavigationMetrics(eqx.Module):
 def empty_navigation(like: Scalar) -> NavigationSums:
     """Sums before the first tick, in the precision of `like`."""
     zero = jnp.zeros_like(like)
-    none, pair = Errors(*(zero,) * 10), (zero, zero)
+    none, pair = zeros(Errors, like), (zero, zero)
     return NavigationSums(
         ticks=pair,
         after=none,
@@ -155,7 +153,7 @@ def add_errors(
     diving = now.down & ~before.down
     # The last fix before the dive begins a leg: so does the true way.
     fixed = now.since == 0.0
-    drifted = _pairs(
+    drifted = jax.tree.map(
         lambda d, v: jnp.where(fixed, 0.0, d + dt * v), sums.drifted, current
     )
     speed = square_root(velocity[0] ** 2 + velocity[1] ** 2)
@@ -164,7 +162,7 @@ def add_errors(
         (now.place[0] - relative.north) ** 2 + (now.place[1] - relative.east) ** 2
     )
     leg = jnp.maximum(now.leg, dt)
-    drift = _pairs(
+    drift = jax.tree.map(
         lambda d, old: jnp.where(surfacing, d / leg, old), drifted, sums.drift
     )
     wrong = square_root(
@@ -191,14 +189,11 @@ def add_errors(
 
 
 def _squares(truth: GliderState, estimate: GliderState) -> Errors:
-    def rate(s: GliderState) -> Scalar:
-        return body_to_ned(s.attitude(), s.surge, s.sway, s.heave)[2]
-
     names = ("depth", "surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate")
     errors = {name: getattr(estimate, name) - getattr(truth, name) for name in names}
     errors["pitch"] = wrap(estimate.pitch - truth.pitch)
     errors["heading"] = wrap(estimate.heading - truth.heading)
-    errors["depth_rate"] = rate(estimate) - rate(truth)
+    errors["depth_rate"] = depth_rate(estimate) - depth_rate(truth)
     return Errors(**{name: error**2 for name, error in errors.items()})
 
 
@@ -224,11 +219,6 @@ def close_navigation(sums: NavigationSums) -> NavigationMetrics:
             sums.current + sums.told * sums.newest, sums.legs + sums.told
         ),
     )
-
-
-def _pairs(function: Any, *pairs: Any) -> tuple[Scalar, Scalar]:
-    north, east = zip(*pairs, strict=True)
-    return function(*north), function(*east)
 
 
 def _mean(total: Scalar, count: Scalar, otherwise: float = jnp.nan) -> Scalar:

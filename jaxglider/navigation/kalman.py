@@ -32,7 +32,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jaxglider.core.containers import Scalar, as_float
-from jaxglider.core.rotations import body_to_ned, euler_rates, ned_to_body, wrap
+from jaxglider.core.rotations import ned_to_body, wrap
 from jaxglider.core.runge_kutta import RK4, runge_kutta_step
 from jaxglider.core.sets import FROM_ONE, POSITIVE
 from jaxglider.environment.surface import emerged_weight
@@ -40,6 +40,7 @@ from jaxglider.navigation.estimator import ABSURD, AbstractEstimator, Moves, inn
 from jaxglider.navigation.sensing.readings import Readings, Sensed
 from jaxglider.signals import BodyAxes, Command, GliderState, map_fields
 from jaxglider.vehicle.design_model import DesignModel
+from jaxglider.vehicle.plant import kinematics
 
 STATES = (
     *("depth", "roll", "pitch", "heading"),
@@ -154,7 +155,8 @@ class ModelAided(AbstractEstimator):
         slope, mean = jax.jacfwd(ahead, has_aux=True)(before.mean)
         growth = dt * self._spread(dt)
         covariance = slope @ before.covariance @ slope.T + jnp.diag(growth)
-        rates = _kinematics(_glider(mean))
+        glider = _glider(mean)
+        _, _, *rates = kinematics(glider, glider.attitude())
         missed = []
         parts = zip(
             readings.sensed.fields(),
@@ -247,10 +249,7 @@ class ModelAided(AbstractEstimator):
             parameters.gravity, parameters.surge_mass, glider, a
         )
         held = -parameters.drag * drag * jnp.abs(glider.surge)
-        wrong = BodyAxes(
-            *ned_to_body(a, zero, zero, weight),
-            *moments,
-        )
+        wrong = BodyAxes(*ned_to_body(a, zero, zero, weight), *moments)
         held = BodyAxes(
             held * glider.surge,
             held * glider.sway,
@@ -262,7 +261,8 @@ class ModelAided(AbstractEstimator):
         force = self.model.force(glider, a, command) + wrong + held
         turned = force / parameters.inertia()
         still = jnp.zeros(len(_EXCESS), mean.dtype)
-        moved = jnp.stack([*_kinematics(glider), *turned.fields()])
+        _, _, *rates = kinematics(glider, a)
+        moved = jnp.stack([*rates, *turned.fields()])
         return jnp.concatenate([moved, still])
 
 
@@ -280,10 +280,3 @@ def _glider(mean: Array) -> GliderState:
         east=jnp.zeros_like(mean[0]),
         **{name: mean[n] for n, name in enumerate(STATES)},
     )
-
-
-def _kinematics(s: GliderState) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Rates of depth, roll, pitch and heading [m/s, rad/s]."""
-    a = s.attitude()
-    _, _, sinking = body_to_ned(a, s.surge, s.sway, s.heave)
-    return sinking, *euler_rates(a, s.roll_rate, s.pitch_rate, s.yaw_rate)

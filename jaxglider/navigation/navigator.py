@@ -50,7 +50,7 @@ class OnBoard(eqx.Module):
         estimate: estimated state, north and east reckoned.
         shown: depth, roll, pitch and heading as the sensors show them [m, rad].
         current: current that is reckoned with, north and east [m/s].
-        fix: last fix of this stay north and east [m], NaN in ticks without a new one.
+        fix: fix that came in the last tick, north and east [m]; NaN where none did.
     """
 
     estimate: GliderState

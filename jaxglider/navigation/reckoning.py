@@ -13,18 +13,16 @@ drift between it and the newest one. A current that no sea has is not believed.
 Source: what the on-board programs of gliders do; the velocity limit is Slocum's.
 """
 
-from typing import Any
-
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Container, Flag, Scalar, as_float
 from jaxglider.core.numerics import sincos
-from jaxglider.core.rotations import body_to_ned
 from jaxglider.core.sets import NOT_NEGATIVE
 from jaxglider.navigation.glide import angle_of_attack, horizontal_speed
 from jaxglider.navigation.sensing.positioning import Fix
-from jaxglider.signals import GliderState
+from jaxglider.signals import GliderState, depth_rate
 from jaxglider.vehicle.parameters import GliderParameters
 
 SURFACED, DIVED = 1.0, 3.0
@@ -118,9 +116,8 @@ class Reckoning(Container):
             fix: position by satellite, or None without a receiver.
             dt: tick [s].
         """
-        a = estimate.attitude()
-        _, _, sinking = body_to_ned(a, estimate.surge, estimate.sway, estimate.heave)
         alpha = angle_of_attack(self.parameters, self.induced_drag, estimate.pitch)
+        sinking = depth_rate(estimate)
         speed = horizontal_speed(estimate.pitch, alpha, sinking, before.speed, dt)
         sine, cosine = sincos(estimate.heading)
         north, east = before.place
@@ -158,7 +155,7 @@ def _fixed(now: ReckoningState, fix: Fix) -> ReckoningState:
     )
     between = now.up - start_at
     known = between > 0.0
-    drift = _map(
+    drift = jax.tree.map(
         lambda new, old, used: jnp.where(
             known, (new - old) / jnp.where(known, between, 1.0), used
         ),
@@ -166,10 +163,10 @@ def _fixed(now: ReckoningState, fix: Fix) -> ReckoningState:
         start,
         now.used,
     )
-    back = _map(lambda x, v: x - v * start_at, start, drift)
+    back = jax.tree.map(lambda x, v: x - v * start_at, start, drift)
     long_enough = now.leg >= _SHORTEST
     leg = jnp.where(long_enough, now.leg, 1.0)
-    told = _map(lambda b, s, v: v + (b - s) / leg, back, now.surfaced, now.used)
+    told = jax.tree.map(lambda b, s, v: v + (b - s) / leg, back, now.surfaced, now.used)
     size = jnp.maximum(jnp.abs(told[0]), jnp.abs(told[1]))
     fresh = fix.fresh & ~now.down
     believed = fresh & long_enough & (size <= FASTEST)
@@ -190,9 +187,5 @@ def _fixed(now: ReckoningState, fix: Fix) -> ReckoningState:
 
 
 def _chosen(flag: Flag, yes: Pair, no: Pair) -> Pair:
-    return _map(lambda a, b: jnp.where(flag, a, b), yes, no)
-
-
-def _map(function: Any, *pairs: Pair) -> Pair:
-    north, east = zip(*pairs, strict=True)
-    return function(*north), function(*east)
+    chosen: Pair = jax.tree.map(lambda a, b: jnp.where(flag, a, b), yes, no)
+    return chosen

@@ -66,18 +66,9 @@ def roll(
         ValueError: a number of ticks does not divide that of the run, or samples of
             instruments are missing.
     """
-    ticks = loop.scenario.clock.ticks
-    every = {"checkpoint_every": checkpoint_every, "keep_every": keep_every}
-    for name, number in every.items():
-        if number < 1 or ticks % number:
-            raise ValueError(
-                f"{name} must divide the {ticks} ticks; received {number}."
-            )
-    if loop.scenario.instruments is not None and not isinstance(noise, Sampled):
-        raise ValueError(
-            "a scenario with instruments needs their samples: pass "
-            "loop.scenario.noise(key) as the third argument."
-        )
+    _check(
+        loop.scenario, noise, checkpoint_every=checkpoint_every, keep_every=keep_every
+    )
     first, ends = (
         jax.tree.map(lambda path, part=part: path[part], (sea, noise))
         for part in (0, slice(1, None))
@@ -91,27 +82,50 @@ def roll(
     def through(carry: Any, part: Any) -> Any:
         return lax.scan(step, carry, loop.plan(*part))
 
-    start = (loop.init(), first)
     known = (loop.scenario.clock.times()[:-1], *ends)
-
-    def in_parts(of: int) -> Any:
-        return jax.tree.map(lambda x: x.reshape(-1, of, *x.shape[1:]), known)
-
-    if keep_every > 1:
-
-        def first_of(carry: Any, part: Any) -> Any:
-            after, all_of_it = through(carry, part)
-            return after, jax.tree.map(lambda x: x[0], all_of_it)
-
-        (last, _), outputs = lax.scan(first_of, start, in_parts(keep_every))
-    elif checkpoint_every == 1:
-        (last, _), outputs = through(start, known)
-    else:
-        parts = in_parts(checkpoint_every)
-        again = jax.checkpoint(through, prevent_cse=False)
-        (last, _), outputs = lax.scan(again, start, parts)
-        outputs = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), outputs)
+    (last, _), outputs = _in_parts(
+        through, (loop.init(), first), known, checkpoint_every, keep_every
+    )
     return _finished(loop.scenario, last), outputs
+
+
+def _in_parts(
+    through: Callable[[Any, Any], Any],
+    start: Any,
+    known: Any,
+    checkpoint_every: int,
+    keep_every: int,
+) -> Any:
+    """The scan `through` all ticks, part by part where not every tick is kept."""
+    if keep_every == checkpoint_every == 1:
+        return through(start, known)
+
+    def first_of(carry: Any, part: Any) -> Any:
+        after, all_of_it = through(carry, part)
+        return after, jax.tree.map(lambda x: x[0], all_of_it)
+
+    length = keep_every if keep_every > 1 else checkpoint_every
+    parts = jax.tree.map(lambda x: x.reshape(-1, length, *x.shape[1:]), known)
+    if keep_every > 1:
+        return lax.scan(first_of, start, parts)
+    again = jax.checkpoint(through, prevent_cse=False)
+    last, outputs = lax.scan(again, start, parts)
+    return last, jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), outputs)
+
+
+def _check(scenario: Scenario, noise: SensorErrors | None, **every: int) -> None:
+    """Refuse parts that do not fill the run, and instruments without samples."""
+    ticks = scenario.clock.ticks
+    for name, number in every.items():
+        if number < 1 or ticks % number:
+            raise ValueError(
+                f"{name} must divide the {ticks} ticks; received {number}."
+            )
+    if scenario.instruments is not None and not isinstance(noise, Sampled):
+        raise ValueError(
+            "a scenario with instruments needs their samples: pass "
+            "loop.scenario.noise(key) as the third argument."
+        )
 
 
 def _finished(scenario: Scenario, last: Carry) -> Metrics:
