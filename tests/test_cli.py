@@ -153,6 +153,8 @@ def test_no_command_shows_the_help_and_is_a_usage_error(call):
         ("simulate", ("required", "--config", "MISSION")),
         ("simulate a.toml --config b.toml", ("b.toml", "a.toml already; name one")),
         ("tune --stepz 2", ("tune: error: unrec", "--stepz; did you mean --steps?")),
+        ("simulate slocum-shalow", ("MISSION", "did you mean slocum-shallow?")),
+        ("simulate --mission lost", ("must be one of", "slocum-shallow", "'lost'")),
         ("swep", ("invalid choice: 'swep'", "did you mean sweep?")),
         ("compare --plant rigid", ("--plant", "did you mean rigid-body?")),
         ("simulate --config m.toml --seed 4294967296", ("--seed", "'4294967296'")),

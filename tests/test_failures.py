@@ -14,7 +14,7 @@ from jaxglider.signals import Command
 from jaxglider.simulation.checks import causes
 from jaxglider.simulation.checks.failure import explain
 from jaxglider.simulation.checks.past import Culprit, Past, before, first_nonsense
-from tuning.evaluation.failures import shortened, until_failure
+from tuning.evaluation.failures import until_failure
 from tuning.search.rescue import CannotStart
 
 TICKS = 400
@@ -202,10 +202,3 @@ def test_a_tune_that_cannot_start_ends_with_code_1_and_what_it_tried(
     assert err.splitlines()[0] == "jaxglider: nothing to tune from: all is lost"
     assert "o: tried-1.toml to tried-2.toml." in err
     assert (tmp_path / "o" / "tried-2.toml").exists()
-
-
-def test_a_shortened_loop_is_the_same_but_for_its_ticks():
-    loop = loop_of()
-    brief = shortened(loop, 10)
-    assert brief.scenario.clock.ticks == 10
-    assert jax.tree.leaves(brief) == jax.tree.leaves(loop)

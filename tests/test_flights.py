@@ -349,4 +349,4 @@ def test_missions_are_listed_and_named(capsys):
 def test_a_mission_of_no_such_name_is_refused_with_the_nearest(capsys):
     with pytest.raises(SystemExit):
         main(["simulate", "--mission", "slocum-shalow"])
-    assert "Did you mean slocum-shallow?" in capsys.readouterr().err
+    assert "did you mean slocum-shallow?" in capsys.readouterr().err

@@ -12,6 +12,7 @@ from jaxglider import NoObserver, paper
 from jaxglider.control import AbstractController, ControlRecord
 from jaxglider.control.controller import tracking_error
 from jaxglider.files.gains import load_gains
+from jaxglider.navigation.catalogue import make_estimator, usual_instruments
 from jaxglider.paper.tuned import tuned_gains
 from jaxglider.signals import Command
 from jaxglider.simulation.checks.stability import (
@@ -65,6 +66,19 @@ def test_without_a_law_they_are_the_modes_of_the_trimmed_glider():
     assert modes.growth == pytest.approx(rates[0].real, rel=1e-4)
 
 
+def test_a_law_that_flies_on_sensors_is_told_its_state():
+    scenario = paper.make_scenario("switching", "rigid-body", actuators="ideal")
+    bare = ClosedLoop(scenario, Held(Command(0.1, 0.01, 0.0)), NoObserver())
+    sensors, model = usual_instruments(), paper.design_model(scenario.plant)
+    fitted = dataclasses.replace(
+        bare,
+        scenario=dataclasses.replace(scenario, instruments=sensors),
+        estimator=make_estimator("linear", model, sensors),
+    )
+    assert fitted.navigator is not None
+    assert loop_modes(fitted, (DIVE,)) == loop_modes(bare, (DIVE,))
+
+
 def test_inversion_loses_the_climb_that_steering_by_bank_holds():
     glide = Glide(math.radians(26.0), -0.1)
     scenario = paper.make_scenario("switching", "rigid-body")
@@ -101,6 +115,14 @@ def test_glides_are_those_of_the_schedule_in_both_directions():
     angles = [round(math.degrees(glide.angle)) for glide in glides_of(loop)]
     assert angles == [-60, -45, -26, 26, 45, 60]
     assert all(glide.angle * glide.depth_rate < 0.0 for glide in glides_of(loop))
+    # A task at the usual angle, read from degrees in a file, has it once.
+    usual = dataclasses.replace(
+        paper.attitude_schedule(), gliding_angle=jnp.full(4, math.radians(-26.0))
+    )
+    reference = dataclasses.replace(paper.reference("switching"), schedule=usual)
+    scenario = dataclasses.replace(loop.scenario, reference=reference)
+    found = glides_of(dataclasses.replace(loop, scenario=scenario))
+    assert len({glide.angle for glide in found}) == 2
     assert DIVE.mirrored() == Glide(math.pi / 4, -0.1)
     flat = dataclasses.replace(
         paper.attitude_schedule(), gliding_angle=jnp.zeros(4), depth_rate=jnp.zeros(4)

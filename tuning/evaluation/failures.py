@@ -4,7 +4,6 @@ import argparse
 import dataclasses
 import math
 import shlex
-from functools import partial
 from typing import Any
 
 import jax
@@ -14,7 +13,7 @@ from jaxglider.signals import BodyAxes
 from jaxglider.simulation.checks.failure import Failure, explain
 from jaxglider.simulation.checks.past import before, first_nonsense
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.rollout import Trajectory, simulate
+from jaxglider.simulation.rollout import Trajectory, simulate, with_ticks
 
 MOST_TICKS = 1_000_000
 """Ticks that are recorded one by one of a run that failed: about 1 GB."""
@@ -50,26 +49,14 @@ def until_failure(
             failure = explain(loop, run)
             return before(run, culprit.tick), failure
         metrics = run.metrics
-        brief = shortened(loop, ticks)
+        brief = with_ticks(loop, ticks)
         part = jax.tree.map(lambda x: x[: ticks + 1], (sea, noise))
-        again = simulation or jax.jit(partial(simulate, keep_every=1))
+        again = simulation or jax.jit(simulate)
         run = dataclasses.replace(jax.device_get(again(brief, *part)), metrics=metrics)
     failure = explain(loop, run)
     if failure is None:
         return run, None
     return before(run, max(failure.culprit.tick, 1)), failure
-
-
-def shortened(loop: ClosedLoop, ticks: int) -> ClosedLoop:
-    """The same closed loop on fewer ticks.
-
-    Args:
-        loop: closed loop.
-        ticks: number of ticks.
-    """
-    clock = dataclasses.replace(loop.scenario.clock, ticks=ticks)
-    scenario = dataclasses.replace(loop.scenario, clock=clock)
-    return dataclasses.replace(loop, scenario=scenario)
 
 
 def command_that_shows(options: argparse.Namespace, run: dict[str, Any]) -> str:

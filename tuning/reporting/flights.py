@@ -4,9 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from tuning.reporting.tables import markdown_table
+from tuning.reporting.tables import DEGREE, decimals, markdown_table, text_columns
 
-DEGREE = 180.0 / math.pi
 _HALVES = (
     # title, key, factor, digits
     ("time [s]", "duration_s", 1.0, 0),
@@ -21,6 +20,7 @@ _HALVES = (
     ("w [m/s]", "depth_rate_m_s", 1.0, 3),
     ("energy [J]", "energy_J", 1.0, 0),
 )
+_TITLES = ["half", *(title for title, *_ in _HALVES)]
 _CONSUMERS = ("pump", "position", "steering", "hotel", "surface", "communication")
 MOST = 12
 """Halves that a terminal is shown; files have all."""
@@ -33,10 +33,7 @@ def text_flight(run: dict[str, Any]) -> str:
     lines = [*_mission(run), ""]
     rows = _rows(run.get("halves", []))
     if rows:
-        widths = [len(title) + 2 for title, *_ in _HALVES]
-        lines.append(f"{'half':<9}" + _line([t for t, *_ in _HALVES], widths))
-        for name, cells in rows[:MOST]:
-            lines.append(f"{name:<9}" + _line(cells, widths))
+        lines += text_columns(_TITLES, rows[:MOST], 9)
         if len(rows) > MOST:
             lines.append(f"... and {len(rows) - MOST} more, in the files.")
     return "\n".join(lines)
@@ -48,9 +45,9 @@ def markdown_flight(run: dict[str, Any]) -> list[str]:
         return []
     lines = [f"\n### Flight of {run['scenario']}, {run['controller']}\n"]
     lines += [f"- {line}" for line in _mission(run)] + [""]
-    rows = [[name, *cells] for name, cells in _rows(run.get("halves", []))]
+    rows = _rows(run.get("halves", []))
     if rows:
-        lines += markdown_table(["half", *(t for t, *_ in _HALVES)], rows, 1)
+        lines += markdown_table(_TITLES, rows, 1)
     return lines
 
 
@@ -61,8 +58,8 @@ def _mission(run: dict[str, Any]) -> list[str]:
     lines = [
         f"{run['status']}: {f['dives']:.0f} dives, {f['climbs']:.0f} climbs, "
         f"{f['surfacings']:.0f} surfacings, {f['surface_time_s']:.0f} s at the surface",
-        f"made good {_figure(f['made_good_m'], 0)} m, through the water "
-        f"{_figure(f['through_water_m'], 0)} m",
+        f"made good {decimals(f['made_good_m'], 0)} m, through the water "
+        f"{decimals(f['through_water_m'], 0)} m",
         f"pump: {f['strokes']:.0f} strokes, {f['pushed_kg']:.2f} kg pushed out; moves: "
         f"mass {moves['mass_position']:.0f} ({travel['mass_position']:.2f} m), "
         f"steering {moves['mass_angle']:.0f} "
@@ -72,8 +69,8 @@ def _mission(run: dict[str, Any]) -> list[str]:
         lines.insert(
             2,
             f"energy {f['total_energy_J'] / 1e3:.1f} kJ [J: {energy}]; "
-            f"{_figure(f['energy_per_made_good_J_m'], 2)} kJ/km made good, "
-            f"{_figure(f['energy_per_through_water_J_m'], 2)} through the water",
+            f"{decimals(f['energy_per_made_good_J_m'], 2)} kJ/km made good, "
+            f"{decimals(f['energy_per_through_water_J_m'], 2)} through the water",
         )
     return lines
 
@@ -88,22 +85,11 @@ def _numbers(table: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _rows(halves: Sequence[dict[str, Any]]) -> list[tuple[str, list[str]]]:
-    rows = []
-    for number, half in enumerate(halves):
-        cells = [
-            _figure(None if half[key] is None else half[key] * factor, digits)
-            for _, key, factor, digits in _HALVES
+def _rows(halves: Sequence[dict[str, Any]]) -> list[list[str]]:
+    return [
+        [
+            f"{number // 2 + 1} {half['half']}",
+            *(decimals(half[key], digits, f) for _, key, f, digits in _HALVES),
         ]
-        rows.append((f"{number // 2 + 1} {half['half']}", cells))
-    return rows
-
-
-def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
-    return "".join(f"{c:>{w}}" for c, w in zip(cells, widths, strict=True))
-
-
-def _figure(value: float | None, digits: int) -> str:
-    if value is None or not math.isfinite(value):
-        return "-"
-    return f"{value:.{digits}f}"
+        for number, half in enumerate(halves)
+    ]

@@ -1,11 +1,9 @@
 """Knowledge of a glider with sensors of itself, as text."""
 
-import math
 from typing import Any
 
-from tuning.reporting.tables import markdown_table
+from tuning.reporting.tables import DEGREE, decimals, markdown_table, text_columns
 
-DEGREE = 180.0 / math.pi
 _ERRORS = (
     # title, key, factor, digits
     ("depth [m]", "depth_m", 1.0, 3),
@@ -24,14 +22,9 @@ def text_navigation(run: dict[str, Any]) -> str:
     """Errors of what was known on board, for a terminal; nothing without sensors."""
     if "navigation" not in run:
         return ""
-    rows = _rows(run)
-    widths = [len(title) + 2 for title, *_ in _ERRORS]
-    titles = [title for title, *_ in _ERRORS]
-    lines = ["errors (rms) of what is known on board"]
-    for name, cells in [("", titles), *rows]:
-        parts = (f"{c:>{w}}" for c, w in zip(cells, widths, strict=True))
-        lines.append(f"{name:<23}" + "".join(parts))
-    return "\n".join([*lines, *_reckoning(run)])
+    table = text_columns(["", *(title for title, *_ in _ERRORS)], _rows(run), 23)
+    about = "errors (rms) of what is known on board"
+    return "\n".join([about, *table, *_reckoning(run)])
 
 
 def markdown_navigation(run: dict[str, Any]) -> list[str]:
@@ -39,21 +32,18 @@ def markdown_navigation(run: dict[str, Any]) -> list[str]:
     if "navigation" not in run:
         return []
     head = f"\n### What {run['controller']} knew in {run['scenario']}\n"
-    rows = [[name, *cells] for name, cells in _rows(run)]
-    table = markdown_table(["errors (rms)", *(t for t, *_ in _ERRORS)], rows, 1)
+    titles = ["errors (rms)", *(title for title, *_ in _ERRORS)]
+    table = markdown_table(titles, _rows(run), 1)
     return [head, *table, "", *(f"- {line}" for line in _reckoning(run))]
 
 
-def _rows(run: dict[str, Any]) -> list[tuple[str, list[str]]]:
+def _rows(run: dict[str, Any]) -> list[list[str]]:
     told = run["navigation"]
     return [
-        (
+        [
             name,
-            [
-                _figure(told[table][key], factor, digits)
-                for _, key, factor, digits in _ERRORS
-            ],
-        )
+            *(decimals(told[table][k], digits, f) for _, k, f, digits in _ERRORS),
+        ]
         for table, name in _TIMES.items()
     ]
 
@@ -65,11 +55,7 @@ def _reckoning(run: dict[str, Any]) -> list[str]:
         return []
     return [
         f"reckoning: {told['surfacings']:.0f} surfacings, missed by "
-        f"{_figure(told['miss_m'], 1.0, 0)} m in the mean, "
-        f"{_figure(told['miss_share'], 100.0, 1)} % of the way; current known to "
-        f"{_figure(told['current_error_m_s'], 100.0, 1)} cm/s"
+        f"{decimals(told['miss_m'], 0)} m in the mean, "
+        f"{decimals(told['miss_share'], 1, 100.0)} % of the way; current known to "
+        f"{decimals(told['current_error_m_s'], 1, 100.0)} cm/s"
     ]
-
-
-def _figure(value: float | None, factor: float, digits: int) -> str:
-    return "-" if value is None else f"{factor * value:.{digits}f}"

@@ -1,11 +1,14 @@
 """Results as tables for a terminal and as Markdown."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 from jaxglider import paper
 from jaxglider.signals import CHANNEL_UNITS
 
+DEGREE = 180.0 / math.pi
+"""Degrees in a radian."""
 CAVEAT = (
     "The printed values are shown as they stand in the paper. Its transient values are "
     "partly below its own root mean square of the same error, its heading efforts lie "
@@ -164,6 +167,37 @@ def figure(value: float | None) -> str:
     if value == 0.0 or 1e-3 <= abs(value) < 1e4:
         return f"{value:.4f}"
     return f"{value:.2e}"
+
+
+def decimals(value: float | None, digits: int, factor: float = 1.0) -> str:
+    """A number with some decimals; a dash for none, or for one that is not finite.
+
+    Args:
+        value: number in SI units.
+        digits: number of decimals.
+        factor: size of the SI unit in that of the table.
+    """
+    if value is None or not math.isfinite(value):
+        return "-"
+    return f"{factor * value:.{digits}f}"
+
+
+def text_columns(
+    head: Sequence[str], rows: Sequence[Sequence[str]], left: int
+) -> list[str]:
+    """A table for a terminal, as wide as its titles.
+
+    Args:
+        head: titles of the columns.
+        rows: cells, one sequence a row.
+        left: width of the first column, which alone is aligned to the left.
+    """
+    widths = [len(title) + 2 for title in head[1:]]
+    return [
+        f"{first:<{left}}"
+        + "".join(f"{c:>{w}}" for c, w in zip(cells, widths, strict=True))
+        for first, *cells in (head, *rows)
+    ]
 
 
 def markdown_table(

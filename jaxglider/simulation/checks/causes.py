@@ -12,7 +12,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxglider.signals import COMMAND_UNITS, BodyAxes, Command, GliderState, zeros
+from jaxglider.signals import (
+    COMMAND_UNITS,
+    BodyAxes,
+    Command,
+    GliderState,
+    map_fields,
+    zeros,
+)
 from jaxglider.simulation.checks.law_rates import fastest_rate
 from jaxglider.simulation.checks.past import WINDOW, Past, through_water
 from jaxglider.simulation.closed_loop import ClosedLoop
@@ -72,8 +79,8 @@ def adrift_at_start(past: Past) -> str | None:
         return None
     return (
         f"the start is at rest over ground in a current: the water meets the glider at "
-        f"{flow:.3g} m/s {_side(ahead, aside)}. Give initial_state.surge_m_s and "
-        "sway_m_s those of the current, which are over ground, or begin without it"
+        f"{flow:.3g} m/s {_side(ahead, aside)}. Give "
+        "initial_state.surge_through_water_m_s = 0.0 to start drifting with it"
     )
 
 
@@ -226,8 +233,7 @@ def _jacobian(
 
 def _samples(past: Past) -> list[tuple[GliderState, Command[np.ndarray]]]:
     """The start and some of the last states that are not wild yet."""
-    like = past.loop.scenario.initial_state
-    start = GliderState(*(jnp.asarray(x) for x in vars(like).values()))
+    start = map_fields(jnp.asarray, past.loop.scenario.initial_state)
     none = zeros(Command, start.surge)
     found = [(start, none)]
     lively = np.max(np.abs(past.through_water), axis=0, initial=0.0)

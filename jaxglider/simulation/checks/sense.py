@@ -1,5 +1,7 @@
 """Sense of a closed loop before it is flown: all warnings with their reasons."""
 
+import dataclasses
+
 import jax.numpy as jnp
 
 from jaxglider.signals import Command, zeros
@@ -58,7 +60,7 @@ def tick_warnings(loop: ClosedLoop) -> list[str]:
     start = loop.scenario.initial_state
     speed = max((glide.speed for glide in glides_of(loop)), default=0.4)
     gliding = jnp.maximum(jnp.asarray(start.surge), min(speed, 1.0))
-    state = type(start)(**{**vars(start), "surge": gliding})
+    state = dataclasses.replace(start, surge=gliding)
     rate = max(plant_rates(loop, [(state, zeros(Command, state.surge))]), default=0.0)
     if step * rate > STEP_LIMIT:
         found.append(

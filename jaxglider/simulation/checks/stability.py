@@ -5,7 +5,7 @@ law and observer) to the next. Around a steady glide in calm water this map's de
 has eigenvalues μ, and the loop moves with the rates s = ln μ/(1 s): it is stable where
 all real parts are negative. Of a law that runs less often the map is over its cycle:
 within one it steers nothing. Where the glider is, and how far the ramp of the depth has
-come, counts for nothing.
+come, counts for nothing; nor do sensors and estimator, the law is told its state.
 """
 
 import dataclasses
@@ -34,8 +34,8 @@ DEEP = 500.0
 """Depth that the glide begins at [m], far from surface and bottom."""
 LONG = 1000.0
 """Time [s] in which a motion that grows e-fold does no harm: no glide lasts as long."""
-USUAL_ANGLE = math.radians(26.0)
-"""Gliding angle of most missions of Slocums [rad]."""
+USUAL_ANGLE = round(math.radians(26.0), 9)
+"""Gliding angle of most missions of Slocums [rad], rounded as those of tasks are."""
 _NEUTRAL, _DEAD, _SMALL = 1e-6, 1e-6, 1e-2
 """Modulus of a rate [1/s] that counts as none, as the place of the glider has; factor
 of a motion that has died; and size of a number that a difference is relative to."""
@@ -196,7 +196,10 @@ def _rates(derivative: np.ndarray, span: float) -> tuple[complex, ...]:
 
 
 def _on_glide(loop: ClosedLoop, glide: Glide) -> ClosedLoop:
-    """The same law on one straight glide in calm water, begun at its trim."""
+    """The same law on one straight glide in calm water, begun at its trim.
+
+    It is told its state: what sensors show is no smooth function of it.
+    """
     angle, rate, speed = (
         jnp.asarray(x) for x in (glide.angle, glide.depth_rate, glide.speed)
     )
@@ -215,9 +218,10 @@ def _on_glide(loop: ClosedLoop, glide: Glide) -> ClosedLoop:
         disturbance=Calm(),
         initial_state=dataclasses.replace(trim, depth=trim.depth + DEEP),
         sensors=None,
+        instruments=None,
         water=None,
     )
-    return dataclasses.replace(loop, scenario=scenario)
+    return dataclasses.replace(loop, scenario=scenario, estimator=None)
 
 
 _steady_motion = eqx.filter_jit(steady_motion)

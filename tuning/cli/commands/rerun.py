@@ -36,6 +36,7 @@ from tuning.evaluation.failures import until_failure
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.html import write_html
 from tuning.reporting.output_folder import writing_to
+from tuning.reporting.statistics import plain
 from tuning.reporting.tables import markdown_table, markdown_tables, text_table
 
 
@@ -212,7 +213,7 @@ def _result(
     }
     row = {
         label: {
-            name: {"value": _plain(value), "unit": unit(name)}
+            name: {"value": plain(value), "unit": unit(name)}
             for name, value in zip(
                 manifest.columns, kept["metrics"][number], strict=True
             )
@@ -239,11 +240,7 @@ def _difference(first: np.ndarray, second: np.ndarray) -> float | None:
     with np.errstate(invalid="ignore"):
         size = np.maximum(np.abs(first), np.abs(second))
         apart = np.abs(first - second) / np.where(size > 0.0, size, 1.0)
-    return _plain(np.where(np.isnan(first) & np.isnan(second), 0.0, apart).max())
-
-
-def _plain(value: Any) -> float | None:
-    return float(value) if np.isfinite(value) else None
+    return plain(np.where(np.isnan(first) & np.isnan(second), 0.0, apart).max())
 
 
 def _compare(result: dict[str, Any]) -> None:

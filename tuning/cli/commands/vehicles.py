@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import math
 import sys
 from typing import Any
 
@@ -45,7 +46,7 @@ def _summary(vehicle: VehicleData) -> dict[str, Any]:
         "displaced_mass_kg": mass,
         "buoyancy_mass_limit_kg": float(limits.buoyancy_mass),
         "mass_position_limit_m": float(limits.mass_position),
-        "mass_angle_limit_deg": float(limits.mass_angle) * 180.0 / 3.141592653589793,
+        "mass_angle_limit_deg": math.degrees(float(limits.mass_angle)),
         "plants": ["printed", "rigid-body", *([] if body is None else ["seawing"])],
         "doubts": dict(vehicle.doubts),
     }

@@ -1,14 +1,13 @@
 """Arguments that commands share, and what they may be; nothing here imports JAX."""
 
 import argparse
-import difflib
 import importlib.util
 import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tuning.cli.options.short_errors import Mission
+from tuning.cli.options.short_errors import Mission, nearest
 
 SCENARIOS = ("switching", "waypoints")
 PLANTS = ("printed", "rigid-body", "seawing")
@@ -147,9 +146,15 @@ def mission_file(text: str) -> Path:
     """A mission file, or that of a mission of the package where there is no such file.
 
     An existing file or folder of that name stands before it.
+
+    Raises:
+        argparse.ArgumentTypeError: it is neither, and nearly such a name.
     """
     path = Path(text)
-    return path if path.exists() else shipped_missions().get(text, path)
+    # What is no name may be the value of an option that is misspelt.
+    if path.exists() or path.suffix or not nearest(text, shipped_missions()):
+        return path
+    return mission_name(text)
 
 
 def mission_name(text: str) -> Path:
@@ -160,10 +165,9 @@ def mission_name(text: str) -> Path:
     """
     known = shipped_missions()
     if text not in known:
-        near = difflib.get_close_matches(text, known, 1)
-        hint = f" Did you mean {near[0]}?" if near else ""
         raise argparse.ArgumentTypeError(
-            f"must be one of {', '.join(known)}; received {text!r}.{hint}"
+            f"must be one of {', '.join(known)}; received {text!r}"
+            f"{nearest(text, known)}"
         )
     return known[text]
 

@@ -4,7 +4,7 @@ import argparse
 import difflib
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NoReturn
 
 _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
@@ -18,7 +18,7 @@ class Parser(argparse.ArgumentParser):
         choice = _CHOICE.search(message)
         if choice:
             names = re.findall(r"[^\s,']+", choice[2])
-            message += _nearest(choice[1], names)
+            message += nearest(choice[1], names)
         sys.stderr.write(
             f"usage: {self.prog} [options]; `{self.prog} --help` lists them\n"
             f"{self.prog}: error: {message}\n"
@@ -34,13 +34,19 @@ class Parser(argparse.ArgumentParser):
             names = [name for one in self._actions for name in one.option_strings]
             first = rest[0].partition("=")[0]
             self.error(
-                f"unrecognized arguments: {' '.join(rest)}{_nearest(first, names)}"
+                f"unrecognized arguments: {' '.join(rest)}{nearest(first, names)}"
             )
         return options, rest
 
 
-def _nearest(word: str, names: Sequence[str]) -> str:
-    near = difflib.get_close_matches(word, names, 1)
+def nearest(word: str, names: Iterable[str]) -> str:
+    """A question whether a name was meant that is nearly the word; empty for none.
+
+    Args:
+        word: word that was written.
+        names: names that would have been right.
+    """
+    near = difflib.get_close_matches(word, list(names), 1)
     return f"; did you mean {near[0]}?" if near else ""
 
 
