@@ -1,6 +1,7 @@
 """Mission files: what is left out, what is read, and what is refused in which words."""
 
 import copy
+import dataclasses
 import json
 import math
 import re
@@ -13,7 +14,8 @@ import pytest
 import tomli_w
 
 from jaxglider import paper
-from jaxglider.control import SMC, FxTPPC
+from jaxglider.control import SMC, AbstractController, ControlRecord, FxTPPC
+from jaxglider.control.controller import tracking_error
 from jaxglider.control.observer import FixedTimeObserver, NoObserver
 from jaxglider.core.toml import ConfigError
 from jaxglider.environment.disturbances import GaussMarkov
@@ -29,6 +31,7 @@ from jaxglider.files.mission import (
 )
 from jaxglider.files.uncertainty import load_uncertainty
 from jaxglider.guidance import LineOfSight, WaypointPath
+from jaxglider.signals import Command
 from jaxglider.simulation.checks.start import start_warnings
 from jaxglider.vehicle.published import vehicle_names, vehicle_text
 from tuning.problem.gain_sets import resolve
@@ -588,6 +591,29 @@ def test_what_is_the_papers_for_want_of_a_table_is_said():
     assert build_mission(course).stand_ins == ""
     del course["reference"]["schedule"]
     assert "reference.schedule" in build_mission(course).stand_ins
+
+
+class LooksDown(AbstractController):
+    """A law that asks for less the nearer the bottom is."""
+
+    model = None
+    funnel = None
+
+    def init(self):
+        """No state."""
+        return None
+
+    def step(self, state, measurement, reference, bounds, dt):
+        """The command."""
+        error, _ = tracking_error(measurement, reference)
+        zero = 0.0 * measurement.altitude
+        return Command(zero, zero, zero), state, ControlRecord(error, error)
+
+
+def test_a_law_is_told_before_the_flight_what_it_is_told_in_it():
+    loop = build_mission(PLAIN | {"seabed": {"depth_m": 60.0}}).loop
+    own = dataclasses.replace(loop, controller=LooksDown(), observer=NoObserver())
+    assert start_warnings(own) == []
 
 
 def test_a_start_inside_the_funnel_is_not_worth_a_warning():

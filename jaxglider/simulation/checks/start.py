@@ -1,5 +1,6 @@
 """Start and restarts: warnings before a run, and jumps where its funnels restart."""
 
+import dataclasses
 import math
 from typing import Any
 
@@ -7,12 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxglider.control import tracking_error
 from jaxglider.guidance import AttitudeSchedule, WaypointPath
-from jaxglider.guidance.obedience import informed
-from jaxglider.signals import CHANNELS, BodyAxes, Channels, Measurement, zeros
+from jaxglider.signals import CHANNELS, BodyAxes, Channels, zeros
 from jaxglider.simulation.checks.task import schedule_of, wanted_depths
 from jaxglider.simulation.closed_loop import ClosedLoop
+from jaxglider.simulation.rollout import with_ticks
 from jaxglider.simulation.scenario import Scenario
 
 
@@ -95,39 +95,23 @@ def above_the_surface(scenario: Scenario) -> list[str]:
 def _start(loop: ClosedLoop) -> tuple[Any, ...]:
     """Error and edges of the funnel in the first tick, and whether all is over.
 
-    And the numbers that must be finite for there to be a second tick.
+    And the numbers that must be finite for there to be a second tick. No force disturbs
+    it, and the state is known.
     """
-    scenario = loop.scenario
-    state = scenario.initial_state
-    planned = scenario.reference.plan(jnp.zeros_like(scenario.clock.dt)[None])
-    carry = loop.init()
-    measurement = Measurement(
-        state=state,
-        attitude=state.attitude(),
-        applied=carry.held,
-        disturbance=loop.observer.estimate(carry.observer),
-    )
-    first = jax.tree.map(lambda x: x[0], planned)
-    reference, _ = scenario.reference.step(
-        carry.reference, first, measurement, scenario.clock.dt
-    )
-    error, _ = tracking_error(measurement, reference)
-    bounds = loop.controller.bounds(reference.clock)
-    wanted, _, _ = loop.controller.step(
-        carry.controller,
-        informed(measurement, reference),
-        reference,
-        bounds,
-        scenario.clock.dt,
-    )
+    scenario = dataclasses.replace(loop.scenario, sensors=None, instruments=None)
+    loop = dataclasses.replace(loop, scenario=scenario, estimator=None)
+    begin, brief = loop.init(), with_ticks(loop, 1)
+    calm = zeros(BodyAxes, jnp.zeros_like(scenario.clock.dt, shape=2))
+    inputs = jax.tree.map(lambda x: x[0], brief.inputs(calm))
+    after, first = loop.tick(begin, inputs)
     numbers = {
-        "the error of": error,
-        "the law's command of": wanted,
+        "the error of": first.error,
+        "the law's command of": first.wanted,
         "the rate of": scenario.plant.derivative(
-            state, carry.held, zeros(BodyAxes, state.surge)
+            begin.state, begin.held, inputs.force_start
         ),
     }
-    return error, loop.controller.limits(bounds), reference.finished, numbers
+    return first.error, first.law_limits, after.finished, numbers
 
 
 def restart_jumps(scenario: Scenario) -> Channels[float]:
