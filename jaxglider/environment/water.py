@@ -116,6 +116,56 @@ class Water(Container):
     stratification: Stratification | None = None
 
 
+def current_at(
+    water: Water | None, depth: Scalar, time: Scalar
+) -> tuple[Scalar, Scalar]:
+    """Velocity of the water, north and east [m/s]; zero where it rests.
+
+    Args:
+        water: water around the glider, or None.
+        depth: depth of the glider [m].
+        time: present time [s].
+    """
+    if water is None or water.current is None:
+        zero = jnp.zeros_like(depth)
+        return zero, zero
+    return water.current.velocity(depth, time)
+
+
+def through_water(state: GliderState, current: tuple[Scalar, Scalar]) -> GliderState:
+    """The state with its velocity through the water in place of that over ground.
+
+    Args:
+        state: state over ground.
+        current: velocity of the water, north and east [m/s].
+    """
+    north, east = current
+    x, y, z = frames.ned_to_body(state.attitude(), north, east, 0.0 * north)
+    return dataclasses.replace(
+        state, surge=state.surge - x, sway=state.sway - y, heave=state.heave - z
+    )
+
+
+def relative_to_water(
+    water: Water | None, state: GliderState, time: Scalar
+) -> tuple[GliderState, tuple[Scalar, Scalar] | None]:
+    """The state with its velocity through the water, and the velocity of the water.
+
+    Args:
+        water: water around the glider, or None.
+        state: state over ground.
+        time: present time [s].
+
+    Returns:
+        The state, and north and east of the current [m/s]; in water without a current
+        the state as it is, and None.
+    """
+    if water is None or water.current is None:
+        return state, None
+    current = water.current.velocity(state.depth, time)
+    return through_water(state, current), current
+
+
 def derivative_in_water(
     plant: AbstractPlant,
     water: Water,

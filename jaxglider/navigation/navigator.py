@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Scalar
-from jaxglider.core.rotations import body_to_ned, ned_to_body
+from jaxglider.core.rotations import body_to_ned
+from jaxglider.environment.water import through_water
 from jaxglider.navigation.errors import NavigationSums, add_errors, empty_navigation
 from jaxglider.navigation.estimator import AbstractEstimator, Moves
 from jaxglider.navigation.reckoning import Reckoning, ReckoningState
@@ -224,17 +225,3 @@ def recorded(navigator: Navigator | None, known: Any) -> OnBoard | None:
 
 def _no_fix(state: GliderState) -> Fix:
     return Fix(jnp.asarray(False), state.north, state.east)
-
-
-def through_water(state: GliderState, current: tuple[Scalar, Scalar]) -> GliderState:
-    """The state with its velocity through the water in place of that over ground.
-
-    Args:
-        state: state over ground.
-        current: velocity of the water, north and east [m/s].
-    """
-    north, east = current
-    x, y, z = ned_to_body(state.attitude(), north, east, 0.0 * north)
-    return dataclasses.replace(
-        state, surge=state.surge - x, sway=state.sway - y, heave=state.heave - z
-    )

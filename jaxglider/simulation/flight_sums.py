@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxglider.core.containers import Flag, Scalar
 from jaxglider.core.numerics import square_root
 from jaxglider.core.rotations import body_to_ned
-from jaxglider.environment.water import Water
+from jaxglider.environment.water import current_at
 from jaxglider.guidance.phases import APOGEE, CLIMB, DIVE, INFLECTION, SURFACE
 from jaxglider.signals import Channels, Command, GliderState, Reference, map_fields
 from jaxglider.simulation.scenario import Scenario
@@ -193,19 +193,3 @@ def _steady(
         "heading_squared": sums.heading_squared + course * error.heading**2,
         "on_heading": sums.on_heading + jnp.where(near, course, 0.0),
     }
-
-
-def current_at(
-    water: Water | None, depth: Scalar, time: Scalar
-) -> tuple[Scalar, Scalar]:
-    """Velocity of the water, north and east [m/s]; zero where it rests.
-
-    Args:
-        water: water around the glider, or None.
-        depth: depth of the glider [m].
-        time: present time [s].
-    """
-    if water is None or water.current is None:
-        zero = jnp.zeros_like(depth)
-        return zero, zero
-    return water.current.velocity(depth, time)

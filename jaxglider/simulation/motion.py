@@ -9,7 +9,7 @@ from jax import lax
 from jaxglider.core.containers import Scalar, Series
 from jaxglider.core.runge_kutta import RK4, runge_kutta_step
 from jaxglider.environment.surface import surface_force
-from jaxglider.environment.water import derivative_in_water
+from jaxglider.environment.water import current_at, derivative_in_water
 from jaxglider.guidance.phases import SURFACE
 from jaxglider.navigation.estimator import Moves
 from jaxglider.navigation.navigator import Navigator, NavigatorState, Surroundings
@@ -21,7 +21,6 @@ from jaxglider.signals import (
     Reference,
     map_fields,
 )
-from jaxglider.simulation.flight_sums import current_at
 from jaxglider.simulation.scenario import Scenario
 from jaxglider.simulation.tick import Carry, TickInput
 from jaxglider.vehicle.actuators import follow_all

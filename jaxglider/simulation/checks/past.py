@@ -6,15 +6,18 @@ import functools
 import jax
 import numpy as np
 
-from jaxglider.core import rotations as frames
-from jaxglider.core.containers import Scalar, as_float
+from jaxglider.core.containers import as_float
+from jaxglider.environment.water import relative_to_water
 from jaxglider.signals import Command, GliderState, map_fields
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory
 from jaxglider.simulation.tick import TickRecord
 
+LINEAR = ("surge", "sway", "heave")
+"""Names of the velocities."""
+
 LARGEST = {
-    **dict.fromkeys(("surge", "sway", "heave"), 30.0),
+    **dict.fromkeys(LINEAR, 30.0),
     **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), 50.0),
     "depth": 12_000.0,
 }
@@ -92,18 +95,10 @@ def through_water(loop: ClosedLoop, state: GliderState, time: np.ndarray) -> np.
         state: states over ground.
         time: times of the states [s].
     """
-    over_ground = np.stack([np.asarray(state.surge), state.sway, state.heave])
+    at, now = map_fields(as_float, state), as_float(time)
     water = loop.scenario.water
-    current = None if water is None else water.current
-    if current is None:
-        return over_ground
-
-    def drift(at: GliderState, now: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-        north, east = current.velocity(at.depth, now)
-        return frames.ned_to_body(at.attitude(), north, east, 0.0 * at.depth)
-
-    rows = jax.vmap(drift)(map_fields(as_float, state), as_float(time))
-    return over_ground - np.stack([np.asarray(x) for x in rows])
+    relative = jax.vmap(lambda s, t: relative_to_water(water, s, t)[0])(at, now)
+    return np.stack([np.asarray(getattr(relative, x)) for x in LINEAR])
 
 
 def first_nonsense(run: Trajectory, end: float) -> Culprit | None:
