@@ -9,6 +9,7 @@ import pytest
 from oracles import rotation_matrix
 
 from jaxglider import Current, GliderState, Stratification, Water, load_vehicle, paper
+from jaxglider.control import FxTPPC
 from jaxglider.core.rotations import attitude, ned_to_body
 from jaxglider.core.runge_kutta import RK4, runge_kutta_step
 from jaxglider.environment.water import derivative_in_water
@@ -153,6 +154,28 @@ def test_a_mission_drifts_with_its_current(simulate_jit):
     ends = [simulate_jit(m.loop, sea).ticks.state.east[-1] for m in (mission, still)]
     # At rest over ground, the water takes half a minute to carry it along.
     assert 1.0 < float(ends[0] - ends[1]) < 6.0
+
+
+def test_a_law_flies_in_a_current_as_in_water_at_rest(simulate_jit):
+    """Galileo: law, observer and actuators see no difference in a frame that drifts."""
+    flow = {"surge_through_water_m_s": 0.1}
+    drifting = {**WATER, "initial_state": flow}
+    drifting["water"] = {"current": {"north_m_s": 0.07, "east_m_s": 0.1}}
+    still = {**WATER, "initial_state": {"surge_m_s": 0.1}}
+    still["water"] = {"current": {"north_m_s": 0.0, "east_m_s": 0.0}}
+    loops = [build_mission(table).loop for table in (drifting, still)]
+    assert isinstance(loops[0].controller, FxTPPC)
+    sea = loops[0].scenario.sea(jax.random.key(0))
+    there, here = (simulate_jit(loop, sea).ticks for loop in loops)
+    np.testing.assert_allclose(
+        there.state.east - here.state.east, 0.1 * there.time, atol=1e-9
+    )
+    for name in ("error", "applied", "estimate", "lumped", "surface"):
+        for a, b in zip(
+            *map(jax.tree.leaves, (getattr(there, name), getattr(here, name))),
+            strict=True,
+        ):
+            np.testing.assert_allclose(a, b, atol=1e-7)
 
 
 @pytest.mark.parametrize(

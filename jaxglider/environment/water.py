@@ -6,9 +6,9 @@ frame that drifts with it. Over ground,
 ν' = ν_r' − ω × Rᵀ v_c + Rᵀ v_c',   v_c' = ∂v_c/∂t + Z' ∂v_c/∂Z.
 
 Left out: the pressure that accelerates the water and would push on a net weight, a
-share m_b/m of v_c'. The heading and the velocity that controllers measure are over
-ground, and what the current does is for the observer to find; a glider with instruments
-estimates its velocity through the water.
+share m_b/m of v_c'. Controllers know the velocity through the water, as a model on
+board or a Doppler log on the water around tells it; nothing down there tells the one
+over ground.
 
 Water that grows denser with depth lifts a glider; a hull that is squeezed sinks it. The
 displaced mass is m (1 + ε z)(1 − κ z) at z below neutral depth.

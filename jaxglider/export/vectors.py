@@ -15,6 +15,7 @@ import numpy as np
 from jax import lax
 
 from jaxglider.core.containers import Scalar, Series
+from jaxglider.environment.water import relative_to_water
 from jaxglider.export.plant import PlantState, drift, truth_of
 from jaxglider.onboard.autopilot import Autopilot, AutopilotState
 from jaxglider.onboard.guard import BITS
@@ -120,7 +121,8 @@ def fly(
 
     def tick(carry: Any, inputs: Any) -> tuple[Any, Any]:
         (state, afloat), (time, force) = carry, inputs
-        measured = through_the_map(afloat.state, scenario.origin)
+        seen, _ = relative_to_water(truth.water, afloat.state, time)
+        measured = through_the_map(seen, scenario.origin)
         after, log = _tick(pilot, state, time, measured)
         following = drift(loop, truth, afloat, log.command, force)
         return (after, following), (log, following.state)

@@ -5,7 +5,8 @@ move (the actuators, and the glider with the command held), observe, add up. Not
 here knows a batch: `vmap` over scenario, controller or sea.
 
 Controller, reference and observer see the measured state, or, of a glider with
-instruments, the estimated one; metrics and records hold the true one.
+instruments, the estimated one; metrics and records hold the true one. Velocities are
+known through the water: nothing under water tells those over ground.
 """
 
 from typing import Any
@@ -17,6 +18,7 @@ import jax.numpy as jnp
 from jaxglider.control.controller import AbstractController
 from jaxglider.control.observer import AbstractObserver
 from jaxglider.core.containers import Scalar, Series
+from jaxglider.environment.water import relative_to_water
 from jaxglider.guidance.obedience import informed, obeyed
 from jaxglider.navigation.estimator import AbstractEstimator
 from jaxglider.navigation.navigator import Navigator, begun, recorded
@@ -79,18 +81,19 @@ class ClosedLoop(eqx.Module):
         scenario = self.scenario
         state = scenario.initial_state.unturned()
         guidance = scenario.reference.init(state)
+        seen, _ = self._through_water(state, jnp.zeros_like(scenario.clock.dt))
         return Carry(
             state=state,
             held=zeros(Command, state.surge),
             reference=guidance,
             controller=self.controller.init(),
-            observer=self.observer.init(state),
+            observer=self.observer.init(seen),
             sums=empty_sums(state.surge),
             finished=jnp.asarray(False),
             reached=jnp.asarray(0, jnp.int32),
             status=scenario.reference.status(guidance),
             flight=empty_flight(state.surge) if scenario.measures_flight else None,
-            known=begun(self.navigator, state, scenario.altitude(state)),
+            known=begun(self.navigator, seen, scenario.altitude(state)),
         )
 
     def inputs(
@@ -204,6 +207,8 @@ class ClosedLoop(eqx.Module):
     ) -> TickRecord:
         """The record of a tick, whose end is where the glider has moved to."""
         reference, (applied, following) = decision.reference, moved
+        dt = self.scenario.clock.dt
+        following, _ = self._through_water(following, inputs.plan.time + dt)
         return TickRecord(
             time=inputs.plan.time,
             active=~reference.finished,
@@ -222,7 +227,7 @@ class ClosedLoop(eqx.Module):
                 applied,
                 following,
                 inputs.force_start,
-                self.scenario.clock.dt,
+                dt,
             ),
             disturbance=inputs.force_start,
             target=reference.target,
@@ -237,13 +242,15 @@ class ClosedLoop(eqx.Module):
         self, carry: Carry, inputs: TickInput
     ) -> tuple[Measurement, Measurement]:
         """The measurement of perfect sensors, and that of the scenario's."""
+        state, current = self._through_water(carry.state, inputs.plan.time)
         truth = Measurement(
-            state=carry.state,
-            attitude=carry.state.attitude(),
+            state=state,
+            attitude=state.attitude(),
             applied=carry.held,
             disturbance=self.observer.estimate(carry.observer),
             altitude=self.scenario.altitude(carry.state),
             charge=self.scenario.charge(carry.spent),
+            current=current,
         )
         if self.navigator is not None:
             return truth, self.navigator.measurement(carry.known, truth)
@@ -289,11 +296,15 @@ class ClosedLoop(eqx.Module):
         known: Any,
     ) -> Any:
         """The next state of the observer."""
-        applied, following = moved
+        (applied, following), dt = moved, self.scenario.clock.dt
         if self.navigator is not None:
             observed = self.navigator.estimate(known)
         else:
-            observed = with_errors(following, inputs.plan.noise_end)
-        return self.observer.step(
-            carry.observer, measurement, applied, observed, self.scenario.clock.dt
-        )
+            known_state, _ = self._through_water(following, inputs.plan.time + dt)
+            observed = with_errors(known_state, inputs.plan.noise_end)
+        return self.observer.step(carry.observer, measurement, applied, observed, dt)
+
+    def _through_water(
+        self, state: GliderState, time: Scalar
+    ) -> tuple[GliderState, tuple[Scalar, Scalar] | None]:
+        return relative_to_water(self.scenario.water, state, time)
