@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jaxglider.environment.disturbances import Calm
 from jaxglider.guidance import AttitudeSchedule, Schedule
@@ -235,24 +235,26 @@ def _derivative(
     size = flat.size
     step = np.finfo(flat.dtype).eps ** (1.0 / 3.0)
     rows = jnp.broadcast_to(flat, (2 * size, size))
-    # Numbers of ticks are traced: one program settles and takes the difference.
-    begun, spans = jnp.asarray([0, settling]), jnp.asarray([settling, second])
-    middle = np.asarray(_advanced(loop, rows, begun[0], spans[0])[0], np.float64)
+    # These numbers are traced: one program settles and takes the difference.
+    settle, differ = jnp.asarray([(1, 0, settling), (2 * size, settling, second)])
+    middle = np.asarray(_advanced(loop, rows, settle)[0], np.float64)
     steps = step * np.maximum(np.abs(middle), _SMALL)
     ends = np.concatenate([middle + np.diag(steps), middle - np.diag(steps)])
-    moved = _advanced(loop, jnp.asarray(ends, flat.dtype), begun[1], spans[1])
+    moved = _advanced(loop, jnp.asarray(ends, flat.dtype), differ)
     ahead, behind = np.split(np.asarray(moved, np.float64), 2)
     return ((ahead - behind) / (2.0 * steps[:, None])).T
 
 
 @eqx.filter_jit
 def _advanced(
-    loop: ClosedLoop,
-    rows: Float[Array, "k m"],
-    first: Array,
-    ticks: Array,
+    loop: ClosedLoop, rows: Float[Array, "k m"], span: Int[Array, "3"]
 ) -> Float[Array, "k m"]:
-    """The memory of each row, some ticks after the `first`."""
+    """The memory of the first rows some ticks later: how many rows, since which, ticks.
+
+    One row after the other: only one has the thousands of ticks to fly in which a loop
+    settles, and a program of one row compiles faster than one of lanes.
+    """
+    count, first, ticks = span
     begin = loop.init()
     _, unflat = ravel_pytree(_memory(begin))
     calm = zeros(BodyAxes, begin.state.surge)
@@ -268,7 +270,10 @@ def _advanced(
 
         return ravel_pytree(jax.lax.fori_loop(0, ticks, tick, unflat(row)))[0]
 
-    return jax.vmap(one)(rows)
+    def advance(number: Array, done: Array) -> Array:
+        return done.at[number].set(one(done[number]))
+
+    return jax.lax.fori_loop(0, count, advance, rows)
 
 
 def _memory(carry: Carry) -> tuple[Any, ...]:
