@@ -35,7 +35,7 @@ from tuning.cli.options.arguments import CONTROLLERS, PLANTS, SCENARIOS
 from tuning.cli.session.jax_setup import start_jax
 from tuning.problem.objective import Weights
 from tuning.problem.objective_file import DEFAULT_WEIGHTS
-from tuning.problem.problem import TuningProblem
+from tuning.problem.problem import TuningProblem, assess_members
 from tuning.problem.spec import EnsembleSpec, ProblemSpec
 from tuning.reporting.console import SilentProgress
 from tuning.reporting.statistics import clopper_pearson, paired_difference
@@ -122,10 +122,10 @@ def _tuned(law: str, options: argparse.Namespace) -> dict[str, Any]:
     free = jnp.asarray(jax.device_get(found.free))
     tuned = problem.space.write(problem.loop, free)
     spent = time.process_time() - begun
-    run = problem.on_members()
     loops = {"start": problem.loop, "tuned": tuned}
     judged = {
-        name: jax.device_get(run(loop, problem.test)[0]) for name, loop in loops.items()
+        name: jax.device_get(assess_members(loop, problem.test)[0])
+        for name, loop in loops.items()
     }
     about = provenance(
         command=" ".join(["python", *sys.argv]), scenario=options.scenario

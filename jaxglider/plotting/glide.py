@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,7 +20,7 @@ from jaxglider.plotting.style import (
 )
 from jaxglider.trim.modes import Analysis
 from jaxglider.trim.steady_motion import SteadyMotion
-from jaxglider.trim.straight_glide import glide_polar
+from jaxglider.trim.straight_glide import glide_polars
 from jaxglider.vehicle.parameters import VehicleData
 from jaxglider.vehicle.plant import AbstractPlant
 
@@ -43,11 +42,11 @@ def polar(
         motion: steady motion, marked by a dot.
     """
     alpha = np.radians(np.geomspace(0.02, 20.0, 200))
-    glides = jax.jit(jax.vmap(glide_polar, (None, None, 0)))
     for mass, style in zip(buoyancy, distinct_styles(len(buoyancy)), strict=True):
         for sense in (1.0, -1.0):
             angle, speed = map(
-                np.asarray, glides(plant, sense * mass, jnp.asarray(sense * alpha))
+                np.asarray,
+                glide_polars(plant, sense * mass, jnp.asarray(sense * alpha)),
             )
             axis.plot(
                 speed * np.cos(angle),

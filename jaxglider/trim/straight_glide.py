@@ -8,9 +8,10 @@ alone fixes the angle of attack,
 α = (K_L/2K_D) tan ξ (−1 + √(1 − 4 (K_D/K_L²) cot ξ (K_D0 cot ξ + K_L0))).
 """
 
+import jax
 import jax.numpy as jnp
 
-from jaxglider.core.containers import Scalar
+from jaxglider.core.containers import Scalar, Series
 from jaxglider.core.numerics import square_root
 from jaxglider.core.rotations import direction
 from jaxglider.signals import BodyAxes
@@ -61,3 +62,17 @@ def glide_polar(
     held = (along < 0.0) & upward
     slope = jnp.sign(buoyancy_mass) * direction(across, along)
     return jnp.where(held, slope, jnp.nan), speed
+
+
+@jax.jit
+def glide_polars(
+    plant: AbstractPlant, buoyancy_mass: Scalar | float, alphas: Series
+) -> tuple[Series, Series]:
+    """The same at many angles of attack, compiled once for all plants of one kind.
+
+    Args:
+        plant: glider.
+        buoyancy_mass: m_b [kg].
+        alphas: α [rad].
+    """
+    return jax.vmap(glide_polar, (None, None, 0))(plant, buoyancy_mass, alphas)

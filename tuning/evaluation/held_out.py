@@ -13,7 +13,7 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.specification import Specification
 from tuning.problem.members import and_nominal, nominal_member
-from tuning.problem.problem import TuningProblem
+from tuning.problem.problem import TuningProblem, assess_members
 from tuning.reporting.ledger import Entry, ledger, with_smoothing
 from tuning.reporting.statistics import student_half_width
 from tuning.reporting.tables import RMS_COMMAND, RMS_ERROR, RMS_STEP
@@ -113,7 +113,7 @@ class Judge:
     """Judge of a loop on the nominal case and on the held-out test members."""
 
     def __init__(self, problem: TuningProblem) -> None:
-        self._problem, self._run = problem, problem.on_members()
+        self._problem = problem
 
     def __call__(self, loop: ClosedLoop) -> Judged:
         """Metrics of the nominal case and of the test members, and their ledger."""
@@ -134,11 +134,11 @@ class Judge:
         together = and_nominal(test, loop)
         if together is None:
             (nominal, _), held_out = (
-                jax.device_get(self._run(loop, members))
+                jax.device_get(assess_members(loop, members))
                 for members in (nominal_member(loop), test)
             )
             return nominal, held_out
-        every = jax.device_get(self._run(loop, together))
+        every = jax.device_get(assess_members(loop, together))
         nominal, _ = jax.tree.map(lambda x: x[-1:], every)
         return nominal, jax.tree.map(lambda x: x[:-1], every)
 

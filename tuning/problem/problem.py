@@ -131,14 +131,17 @@ class TuningProblem:
         how = self.spec.aggregate, self.cost_scale, jax.devices()
         return jax.jit(lambda rows: losses(self.loss, rows, members, *how))
 
-    def on_members(self) -> Callable[[ClosedLoop, Member], tuple[Metrics, Witness]]:
-        """Compiled: metrics and witness of a closed loop on each of some members."""
 
-        def run(loop: ClosedLoop, members: Member) -> tuple[Metrics, Witness]:
-            return map_members(
-                lambda m: assess(*with_member(loop, m)),
-                members,
-                devices=jax.devices(),
-            )
+@jax.jit
+def assess_members(loop: ClosedLoop, members: Member) -> tuple[Metrics, Witness]:
+    """Metrics and witness of a closed loop on each of some members.
 
-        return jax.jit(run)
+    Compiled, and traced once for all problems whose loops and members are of one kind.
+
+    Args:
+        loop: closed loop.
+        members: gliders and seas, one leading axis.
+    """
+    return map_members(
+        lambda m: assess(*with_member(loop, m)), members, devices=jax.devices()
+    )

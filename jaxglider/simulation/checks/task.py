@@ -4,7 +4,6 @@ import dataclasses
 import math
 from collections.abc import Iterator
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -18,7 +17,7 @@ from jaxglider.guidance.yo import Yo
 from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.scenario import Scenario
-from jaxglider.trim.straight_glide import glide_polar
+from jaxglider.trim.straight_glide import glide_polars
 
 DEEPEST, STEEPEST = 6000.0, math.radians(80.0)
 """Depth that no glider goes beyond [m], and an angle beyond which none glides [rad]."""
@@ -51,8 +50,8 @@ class Ability:
             scenario: plant and actuators, with concrete numbers.
         """
         limit = scenario.actuators.buoyancy_mass.limit
-        polar = jax.jit(jax.vmap(glide_polar, (None, None, 0)))
-        both = [polar(scenario.plant, s * limit, jnp.asarray(ATTACKS)) for s in (1, -1)]
+        attacks = jnp.asarray(ATTACKS)
+        both = [glide_polars(scenario.plant, s * limit, attacks) for s in (1, -1)]
         angles, speeds = (
             np.concatenate([np.asarray(b[i]) for b in both]) for i in (0, 1)
         )

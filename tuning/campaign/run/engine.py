@@ -8,6 +8,7 @@ of one kind.
 """
 
 import concurrent.futures
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -50,8 +51,7 @@ class Engine:
         self._devices = list(devices or jax.local_devices())
         on_cpu = self._devices[0].platform == "cpu"
         self.piece = piece or (PIECE if on_cpu else PIECE_ON_ACCELERATOR)
-        block = BLOCK if on_cpu else self.piece
-        self._run = jax.jit(lambda loop, members: _outcomes(loop, members, block))
+        self._block = BLOCK if on_cpu else self.piece
         self._loops = [jax.device_put(list(loops), device) for device in self._devices]
         self._kinds = [_kind(loop) for loop in loops]
         self._programs: dict[tuple[int, Any], Any] = {}
@@ -107,9 +107,8 @@ class Engine:
         def compiled(pair: tuple[int, Any]) -> Any:
             device, kind = pair
             members = jax.device_put(filled, self._devices[device])
-            return self._run.lower(
-                self._loops[device][numbers[kind]], members
-            ).compile()
+            loop = self._loops[device][numbers[kind]]
+            return _outcomes.lower(loop, members, self._block).compile()
 
         with concurrent.futures.ThreadPoolExecutor(len(self._devices)) as pool:
             found = pool.map(compiled, missing)
@@ -122,6 +121,8 @@ def _kind(loop: ClosedLoop) -> Any:
     return jax.tree.structure(loop), types
 
 
+# Traced once for all campaigns of loops and pieces of one kind.
+@functools.partial(jax.jit, static_argnums=2)
 def _outcomes(loop: ClosedLoop, members: Member, block: int) -> tuple[Metrics, Witness]:
     return map_members(
         lambda member: assess(*with_member(loop, member)), members, block=block
