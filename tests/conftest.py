@@ -1,9 +1,11 @@
 """Shared set-up: double precision, shape checks, and programs compiled only once."""
 
+import contextlib
 import gc
 import os
 import shutil
 import tempfile
+import time
 from pathlib import Path
 
 import pytest
@@ -37,16 +39,40 @@ jaxglider.enable_fast_loops()
 import jax
 
 jax.config.update("jax_enable_x64", True)
-jax.config.update(
-    "jax_compilation_cache_dir",
-    os.environ.get("JAXGLIDER_TEST_CACHE")
-    or tempfile.mkdtemp(prefix="jaxglider-test-cache-"),
-)
 # Even a sum costs 40 ms to compile, and comes again in many tests.
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 import tuning.cli.main
+from jaxglider.core.compiler import cache_folder
 from jaxglider.simulation.rollout import evaluate, simulate
+
+KEPT_DAYS = 14
+"""Days that a compiled program is kept for later sessions."""
+
+
+def pytest_configure(config):
+    """Compiled programs are kept between sessions, in pytest's own cache.
+
+    Most of a first session goes into compiling. A program is found by what it is and
+    what it was compiled with: one that has changed is compiled anew.
+    """
+    folder = os.environ.get("JAXGLIDER_TEST_CACHE") or _kept_programs(config)
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+
+
+def _kept_programs(config):
+    """The folder of this processor's programs, old ones gone."""
+    home = cache_folder()
+    try:
+        folder = config.cache.mkdir(f"programs-{home.name if home else 'any'}")
+    except (AttributeError, OSError):  # pytest has no cache, or must not write here
+        return tempfile.mkdtemp(prefix="jaxglider-test-cache-")
+    oldest = time.time() - 86400 * KEPT_DAYS
+    for program in folder.iterdir():
+        with contextlib.suppress(FileNotFoundError):  # another session's work
+            if program.stat().st_mtime < oldest:
+                program.unlink()
+    return folder
 
 
 def pytest_collection_finish():
