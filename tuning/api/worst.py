@@ -19,6 +19,9 @@ from tuning.reporting.statistics import clopper_pearson, plain
 from tuning.search.attack import Attack
 from tuning.search.worst import STARTS, WorstCase, find_worst
 
+_SAME = 0.01
+"""Share by which severities that count as the same may differ."""
+
 
 @dataclasses.dataclass(frozen=True)
 class WorstResult:
@@ -44,6 +47,15 @@ class WorstResult:
     missed: int
     metrics: dict[str, Any]
 
+    @property
+    def as_bad(self) -> bool:
+        """Whether the member found is as severe as the worst random one, to 1 %.
+
+        Errors of angles end at half a turn: of members that all turn round, one is as
+        bad as another.
+        """
+        return not self.case.severity < (1.0 - _SAME) * self.random_worst
+
     def __str__(self) -> str:
         """The comparison in words, and what was drawn."""
         parts = ", ".join(f"{k} {v:.4g}" for k, v in self.case.best.items())
@@ -58,7 +70,7 @@ class WorstResult:
                 f"{self.random_worst:.4g}; of these {self.missed} are less severe than "
                 f"the one found (probability [{ends[0]:.4g}, {ends[1]:.4g}])"
             )
-            if not self.case.severity >= self.random_worst:
+            if not self.as_bad:
                 lines.append("the search did not find a member as bad as these.")
         lines += [f"{name:<28}{value:>12.5g}" for name, value in self.values.items()]
         return "\n".join(lines)
@@ -80,6 +92,7 @@ class WorstResult:
                 "worst": plain(self.random_worst),
                 "less_severe": self.missed,
                 "interval": ends,
+                "found_as_bad": self.as_bad if self.random_members else None,
             },
             "metrics": self.metrics,
         }
