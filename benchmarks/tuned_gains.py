@@ -7,8 +7,9 @@ FxTPPC that steers by bank knows of the roll itself. Cases can be named to make 
 again.
 
 Then, or with `--judge` at once, it writes a table of what the gains of the package are
-worth beside the paper's on members that neither descent nor choice has seen. Run it in
-the folder above.
+worth beside the paper's on members that neither descent nor choice has seen; with
+`--ticks` one of the same gains at half and twice the tick, and from starts 1e-10 m
+apart. Run it in the folder above.
 """
 
 import argparse
@@ -20,6 +21,8 @@ from typing import Any
 
 from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import replacing, write_text
+from jaxglider.signals import CHANNEL_UNITS
+from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.cli.options.arguments import (
     CONTROLLERS,
     PAPER_CONTROLLERS,
@@ -29,6 +32,7 @@ from tuning.cli.options.arguments import (
 from tuning.cli.session.jax_setup import start_jax
 from tuning.evaluation.final_gradient import GradientProbe
 from tuning.evaluation.held_out import Judge, compare_held_out
+from tuning.evaluation.robustness import Robustness, judge_robustness
 from tuning.problem.problem import TuningProblem
 from tuning.problem.spec import ProblemSpec
 
@@ -52,7 +56,7 @@ def main() -> int:
         if name not in CASES:
             sys.stderr.write(f"{name} must be one of {', '.join(CASES)}.\n")
             return 2
-        if options.judge or options.gradients:
+        if options.judge or options.gradients or options.ticks:
             continue
         code = _tune(name, options.out / name, options.arguments)
         if code:
@@ -63,8 +67,11 @@ def main() -> int:
         for name in shipped:
             _state_gradient(name)
         return 0
-    table = _table([_judge(name) for name in shipped])
-    write_text(options.out / "tuned.md", table)
+    if options.ticks:
+        table = _tick_table({name: _at_ticks(name) for name in shipped})
+    else:
+        table = _table([_judge(name) for name in shipped])
+    write_text(options.out / ("ticks.md" if options.ticks else "tuned.md"), table)
     sys.stdout.write(table)
     return 0
 
@@ -75,6 +82,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--only", nargs="+", metavar="SCENARIO-PLANT-CONTROLLER")
     parser.add_argument(
         "--judge", action="store_true", help="tune nothing, write the table alone"
+    )
+    parser.add_argument(
+        "--ticks",
+        action="store_true",
+        help="tune nothing, write a table of the gains at half and twice the tick, and "
+        "from other roundings",
     )
     parser.add_argument(
         "--gradients",
@@ -128,14 +141,25 @@ def _state_gradient(name: str) -> None:
     write_text(_file(name), "\n".join(kept) + "\n")
 
 
-def _judge(name: str) -> dict[str, Any]:
-    """The gains of the package against the paper's."""
+def _shipped(name: str) -> tuple[TuningProblem, ClosedLoop]:
+    """The problem of a case, and the loop with the gains of the package."""
     scenario, plant, controller = CASES[name]
     sys.stderr.write(f"judging {name}\n")
     paper = ProblemSpec.of_paper(scenario, plant, controller)
-    problem = TuningProblem.of(paper)
     (gains,) = paper.case.resolve([str(_file(name))], [controller])
-    _, tuned = paper.case.loop(gains)
+    return TuningProblem.of(paper), paper.case.loop(gains)[1]
+
+
+def _at_ticks(name: str) -> Robustness:
+    """The gains of the package at other ticks and from other roundings."""
+    problem, tuned = _shipped(name)
+    return judge_robustness(Judge(problem), tuned)
+
+
+def _judge(name: str) -> dict[str, Any]:
+    """The gains of the package against the paper's."""
+    scenario, plant, controller = CASES[name]
+    problem, tuned = _shipped(name)
     about = {"scenario": scenario, "plant": plant, "controller": controller}
     judge = Judge(problem)
     verdict = compare_held_out(problem, judge(problem.loop), judge(tuned))
@@ -168,6 +192,34 @@ def _table(results: list[dict[str, Any]]) -> str:
                 else "-"
             )
         lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _tick_table(results: dict[str, Robustness]) -> str:
+    """Means of the held-out members at each tick, and what is marked."""
+    lines = [
+        "| case | plant | law | channel | half the tick | the tick | twice the tick | "
+        "over roundings | marked |",
+        "|---|---|---|---|---:|---:|---:|---|---|",
+    ]
+    for name, found in results.items():
+        scenario, plant, controller = CASES[name]
+        for channel, unit in CHANNEL_UNITS.items():
+            figures = [_cell(at["held_out"][channel]) for at in found.ticks.values()]
+            ends = found.roundings["held_out"][channel]
+            span = "-" if ends is None else f"{_cell(ends[0])} to {_cell(ends[1])}"
+            figure = f"held_out.{channel}"
+            marks = [
+                word
+                for word, names in (
+                    ("depends on the tick", found.tick_dependent),
+                    ("not reproducible", found.not_reproducible),
+                )
+                if figure in names
+            ]
+            cells = [scenario, plant, label_of(controller), f"{channel} [{unit}]"]
+            cells += [*figures, span, ", ".join(marks) or "–"]
+            lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 

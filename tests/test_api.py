@@ -209,6 +209,7 @@ def test_the_package_is_light_until_it_is_used():
         ({"members": 2.5}, r"members must be .* received 2\.5"),
         ({"validation": "b"}, r"validation must be .* received 'b'"),
         ({"seed": -1}, r"seed must be a whole number in \[0, 4294967296\)"),
+        ({"adversarial": -1}, r"adversarial must be a whole number .* received -1"),
         ({"gradient_memory": -1.0}, r"gradient_memory must be a positive .* -1\.0"),
         ({"gradient_memory": 0}, r"gradient_memory must be a positive .* received 0"),
         ({"settings": 3}, r"settings must be a DescentSettings or None; received 3"),

@@ -10,8 +10,9 @@ import pytest
 
 from jaxglider import evaluate, paper
 from jaxglider.uncertainty.members import with_member
-from tuning.api.worst import Attack, severity, worst
+from tuning.api.worst import worst
 from tuning.problem.spec import EnsembleSpec
+from tuning.search.attack import Attack, severity
 from tuning.search.evolution import GRADIENT_COST
 from tuning.search.worst import find_worst, folded
 

@@ -36,6 +36,7 @@ from tuning.gradient_check.statement import GradientStatement
 from tuning.problem.lanes import member_count
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.output_folder import writing_to
+from tuning.search.adversarial import AdversarialRound, rounds_dict
 from tuning.search.settings import Step
 
 
@@ -54,6 +55,8 @@ class TuneResult:
             it is flown; None where it was not asked for.
         robustness: figures at other ticks and from other roundings; None where they
             were not asked for.
+        searches: adversarial rounds, and behind them the search for the worst members
+            of the tuned gains; empty without.
         interrupted: whether the search was stopped before its end; the gains are the
             best until then.
         seconds: time that it took [s].
@@ -67,6 +70,7 @@ class TuneResult:
     notes: tuple[str, ...]
     gradient: GradientStatement | None
     robustness: Robustness | None
+    searches: tuple[AdversarialRound, ...]
     interrupted: bool
     seconds: float
 
@@ -102,6 +106,7 @@ class TuneResult:
             "robustness": None
             if self.robustness is None
             else self.robustness.to_dict(),
+            "adversarial": rounds_dict(self.searches),
             "notes": list(self.notes),
             "seconds": round(self.seconds, 1),
         }

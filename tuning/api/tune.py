@@ -25,9 +25,11 @@ from tuning.problem.problem import TuningProblem
 from tuning.problem.spec import DEFAULT_UNCERTAINTY, EnsembleSpec, ProblemSpec
 from tuning.reporting.console import BarProgress, Progress, SilentProgress, note
 from tuning.reporting.output_folder import writing_to
+from tuning.search.adversarial import AdversarialRound, Adversary, refuse_rounds
+from tuning.search.beginning import beside
 from tuning.search.black_box import search_black_box
 from tuning.search.checkpoint import Checkpoint
-from tuning.search.descend import beside, descend
+from tuning.search.descend import descend
 from tuning.search.settings import BlackBoxSettings, DescentSettings
 from tuning.search.stable import stable_choice
 from tuning.space.space import HELD_BY_DEFAULT
@@ -50,6 +52,7 @@ def tune(
     steps: int | None = None,
     settings: DescentSettings | None = None,
     method: BlackBoxSettings | None = None,
+    adversarial: int = 0,
     title: str = "own",
     out: str | Path | None = None,
     resume: bool = False,
@@ -84,6 +87,8 @@ def tune(
         steps: number of steps, a short way to set `settings`.
         settings: settings of the descent; its seed is replaced by `seed`.
         method: search without gradients instead, on the same budget.
+        adversarial: number of rounds in which the worst members for the gains reached
+            are searched for and join those tuned on, and the descent goes on.
         title: name of what is flown, for reports.
         out: folder for a checkpoint after every step and for all results.
         resume: whether to go on from the checkpoint in `out`.
@@ -96,6 +101,7 @@ def tune(
         FloatingPointError: no start completes its run.
     """
     whole("members", members)
+    whole("adversarial", adversarial, 0)
     instance("settings", settings, DescentSettings)
     instance("method", method, BlackBoxSettings, ", as BlackBoxSettings('cma'),")
     if cost is not None and not callable(cost):
@@ -121,6 +127,7 @@ def tune(
             spec,
             chosen,
             method,
+            adversarial=adversarial,
             out=out,
             resume=resume,
             check=check,
@@ -136,6 +143,7 @@ def solve(
     settings: DescentSettings,
     method: BlackBoxSettings | None = None,
     *,
+    adversarial: int = 0,
     out: str | Path | None = None,
     resume: bool = False,
     check: bool = True,
@@ -147,6 +155,7 @@ def solve(
         spec: problem to solve.
         settings: settings of the descent.
         method: search without gradients instead, on the budget of the descent.
+        adversarial: number of adversarial rounds after the descent.
         out: folder for a checkpoint after every step, or None.
         resume: whether to go on from the checkpoint in `out`.
         check: whether to check the gradient against differences, first and at the end,
@@ -159,9 +168,15 @@ def solve(
     """
     begun = time.monotonic()
     progress = progress or SilentProgress()
-    checkpoint = _checkpoint(out, [spec, settings, method], resume)
+    if adversarial:
+        refuse_rounds(spec, method, adversarial)
+    rounds = [adversarial] if adversarial else []
+    checkpoint = _checkpoint(out, [spec, settings, method, *rounds], resume)
     progress.show("compiling the rollout ...")
     problem = TuningProblem.of(spec)
+    adversary = Adversary(problem, adversarial, settings.seed) if adversarial else None
+    if adversary is not None:
+        problem = adversary.problem
     progress.clear()
     for text in problem.space.notes:
         note(text)
@@ -176,6 +191,7 @@ def solve(
                 problem,
                 settings,
                 progress,
+                adversary=adversary,
                 checkpoint=checkpoint,
                 resume=resume,
                 check=check,
@@ -187,7 +203,14 @@ def solve(
     finally:
         progress.clear()
     progress.show("looking whether the loop is stable on its glides ...")
-    choice = stable_choice(problem, outcome.free, outcome.history)
+    choice = stable_choice(problem, outcome.free, outcome.candidates)
+    searches: tuple[AdversarialRound, ...] = ()
+    if adversary is not None:
+        progress.show("searching for the worst members ...")
+        problem = adversary.joined(outcome.rounds)
+        number = outcome.history[-1].number
+        last = adversary.search(choice.free, number, outcome.rounds)
+        searches = (*outcome.rounds, last)
     # By way of the host, off all devices but one: else judging would compile twice.
     tuned = problem.space.write(problem.loop, jnp.asarray(jax.device_get(choice.free)))
     progress.show("judging on held-out members ...")
@@ -215,6 +238,7 @@ def solve(
         notes=(*problem.space.notes, *outcome.remarks, *remarks),
         gradient=gradient,
         robustness=robust,
+        searches=searches,
         interrupted=outcome.interrupted,
         seconds=time.monotonic() - begun,
     )

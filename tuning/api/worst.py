@@ -5,30 +5,22 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from jaxglider.core.batching import map_members
-from jaxglider.core.containers import Scalar
 from jaxglider.files.results import metrics_dict
 from jaxglider.files.writing import write_json
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.rollout import evaluate
 from jaxglider.uncertainty.members import Member, Uncertainty, with_member
 from tuning.problem.arguments import closed_loop, half_width, whole
 from tuning.problem.case import FlightCase
-from tuning.problem.members import SWEEP, keys_of, nominal_member
 from tuning.problem.spec import DEFAULT_UNCERTAINTY, EnsembleSpec
 from tuning.reporting.statistics import clopper_pearson, plain
+from tuning.search.attack import Attack
 from tuning.search.worst import STARTS, WorstCase, find_worst
 
-_EDGE = 1e-3
-"""Distance from the ends of the cube for what has no end of its own."""
-_MEMORY = 60.0
-"""Memory of the gradient that ascends [s]; see `evaluate`."""
-_STEP = 1e-5
-"""Half a step of the difference by which coordinates become values."""
+_SAME = 0.01
+"""Share by which severities that count as the same may differ."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,6 +47,15 @@ class WorstResult:
     missed: int
     metrics: dict[str, Any]
 
+    @property
+    def as_bad(self) -> bool:
+        """Whether the member found is as severe as the worst random one, to 1 %.
+
+        Errors of angles end at half a turn: of members that all turn round, one is as
+        bad as another.
+        """
+        return not self.case.severity < (1.0 - _SAME) * self.random_worst
+
     def __str__(self) -> str:
         """The comparison in words, and what was drawn."""
         parts = ", ".join(f"{k} {v:.4g}" for k, v in self.case.best.items())
@@ -69,7 +70,7 @@ class WorstResult:
                 f"{self.random_worst:.4g}; of these {self.missed} are less severe than "
                 f"the one found (probability [{ends[0]:.4g}, {ends[1]:.4g}])"
             )
-            if not self.case.severity >= self.random_worst:
+            if not self.as_bad:
                 lines.append("the search did not find a member as bad as these.")
         lines += [f"{name:<28}{value:>12.5g}" for name, value in self.values.items()]
         return "\n".join(lines)
@@ -91,6 +92,7 @@ class WorstResult:
                 "worst": plain(self.random_worst),
                 "less_severe": self.missed,
                 "interval": ends,
+                "found_as_bad": self.as_bad if self.random_members else None,
             },
             "metrics": self.metrics,
         }
@@ -154,106 +156,33 @@ def worst(
         size=(random, len(box.quantities))
     )
     severities = attack.severities(others) if random else np.empty(0)
-    return attack.result(found, severities)
+    return _beside_random(attack, box, found, severities)
 
 
-class Attack:
-    """Severities of members by their places in the unit cube, compiled once."""
-
-    BLOCK = 64
-
-    def __init__(self, loop: ClosedLoop, box: Uncertainty, seed: int) -> None:
-        """Prepare.
-
-        Args:
-            loop: closed loop to attack, in the scenario of the uncertainty.
-            box: the uncertainty.
-            seed: seed of what is left to chance within the runs, the same in all.
-        """
-        self._loop, self._box = loop, box
-        self._key = keys_of(seed, SWEEP, jnp.arange(1))
-        ends = [q.distribution.support() for q in box.quantities]
-        self._open = np.array([not np.all(np.isfinite(pair)) for pair in ends], bool)
-
-        def severity_of(member: Member, **options: Any) -> Scalar:
-            return severity(evaluate(*with_member(loop, member), **options), loop)
-
-        def slope_of(member: Member) -> Any:
-            def of_values(values: Any) -> Scalar:
-                return severity_of(Member(values, member.key), gradient_memory=_MEMORY)
-
-            return jax.value_and_grad(of_values)(member.values)
-
-        self._run = jax.jit(lambda members: map_members(severity_of, members))
-        self._slope = jax.jit(lambda members: map_members(slope_of, members))
-
-    def severities(self, places: np.ndarray) -> np.ndarray:
-        """Severity of each row of places; in pieces of one size, compiled once."""
-        found = []
-        for start in range(0, len(places), self.BLOCK):
-            part = places[start : start + self.BLOCK]
-            filled = np.resize(part, (self.BLOCK, places.shape[1]))
-            found.append(np.asarray(self._run(self._members(filled)))[: len(part)])
-        return np.concatenate(found).astype(float)
-
-    def slopes(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Severities and their gradients in the coordinates of the cube."""
-        values, by_path = jax.device_get(self._slope(self._members(places)))
-        by_value = np.stack([by_path[q.path] for q in self._box.quantities], axis=1)
-        slope = np.zeros_like(places)
-        for column in range(places.shape[1]):
-            low, high = places.copy(), places.copy()
-            low[:, column] = np.maximum(low[:, column] - _STEP, 0.0)
-            high[:, column] = np.minimum(high[:, column] + _STEP, 1.0)
-            change = self._values(high) - self._values(low)
-            width = (high - low)[:, column]
-            slope[:, column] = (by_value * change).sum(axis=1) / width
-        return np.asarray(values, float), slope
-
-    def result(self, found: WorstCase, severities: np.ndarray) -> WorstResult:
-        """The member found beside random ones.
-
-        Args:
-            found: outcome of the search.
-            severities: severities of random members.
-        """
-        row = self._values(found.place[None])
-        member = self._members(found.place[None])
-        run = jax.jit(lambda one: evaluate(*with_member(self._loop, one)))
-        metrics = jax.device_get(run(jax.tree.map(lambda x: x[0], member)))
-        course = self._loop.scenario.reference.can_finish
-        return WorstResult(
-            loop=self._loop,
-            case=found,
-            member=member,
-            values=dict(zip(self._box.names(), map(float, row[0]), strict=True)),
-            random_worst=float(severities.max()) if len(severities) else np.nan,
-            random_members=len(severities),
-            missed=int(np.sum(severities < found.severity)),
-            metrics=metrics_dict(metrics, has_waypoints=course),
-        )
-
-    def _values(self, places: np.ndarray) -> np.ndarray:
-        inside = np.where(self._open, _EDGE + (1.0 - 2.0 * _EDGE) * places, places)
-        return self._box.values(inside)
-
-    def _members(self, places: np.ndarray) -> Member:
-        keys = jnp.repeat(self._key, len(places), axis=0)
-        if not self._box.quantities:
-            return nominal_member(self._loop)
-        return self._box.members(self._values(places), keys)
-
-
-def severity(metrics: Metrics, loop: ClosedLoop) -> Scalar:
-    """The largest error over its specified edge, or the roll over its limit.
+def _beside_random(
+    attack: Attack, box: Uncertainty, found: WorstCase, severities: np.ndarray
+) -> WorstResult:
+    """The member found beside random ones.
 
     Args:
-        metrics: metrics of a run.
-        loop: closed loop, whose specification has the limit.
+        attack: attack that found it.
+        box: the uncertainty.
+        found: outcome of the search.
+        severities: severities of random members.
     """
-    parts = [of.funnel_peak for of in vars(metrics.channels).values()]
-    specification = loop.scenario.specification
-    if specification is not None and specification.largest_roll is not None:
-        parts.append(metrics.max_roll / specification.largest_roll)
-    worst_part = jnp.max(jnp.stack(parts))
-    return jnp.where(metrics.finite, worst_part, jnp.inf)
+    loop, place = attack.loop, found.place[None]
+    member = attack.members(place)
+    run = jax.jit(lambda one: evaluate(*with_member(loop, one)))
+    metrics = jax.device_get(run(jax.tree.map(lambda x: x[0], member)))
+    course = loop.scenario.reference.can_finish
+    row = attack.values(place)[0]
+    return WorstResult(
+        loop=loop,
+        case=found,
+        member=member,
+        values=dict(zip(box.names(), map(float, row), strict=True)),
+        random_worst=float(severities.max()) if len(severities) else np.nan,
+        random_members=len(severities),
+        missed=int(np.sum(severities < found.severity)),
+        metrics=metrics_dict(metrics, has_waypoints=course),
+    )

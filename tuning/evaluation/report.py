@@ -17,6 +17,8 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory
 from tuning.evaluation.held_out import MEASURES
 from tuning.evaluation.sections import (
+    adversarial_line,
+    adversarial_section,
     ledger_section,
     robust_section,
     specified_section,
@@ -46,7 +48,8 @@ def text_report(result: dict[str, Any], *, gains: bool = False) -> str:
             f"{name:<42}{gain['before']:>12.5g} -> {gain['after']:<12.5g}"
             for name, gain in result["gains"].items()
         ]
-    return "\n".join([*lines, "", *_verdict(result)])
+    lines += ["", *_verdict(result), *adversarial_line(result["adversarial"])]
+    return "\n".join(lines)
 
 
 def _verdict(result: dict[str, Any]) -> list[str]:
@@ -144,8 +147,7 @@ def write_tuning_report(
         for name, figure in figures.items():
             with replacing(out / name) as temporary:
                 figure.savefig(temporary, dpi=150)
-    settling = settling_table(tuned, runs)
-    text = _markdown(result, settling)
+    text = _markdown(result, settling_table(tuned, runs))
     write_text(out / "report.md", text)
     write_html(out / "report.html", text, result.get("provenance", {}))
 
@@ -278,6 +280,7 @@ def _markdown(result: dict[str, Any], settling: list[str]) -> str:
     lines += specified_section(result["counts"])
     lines += ledger_section(result["ledger"])
     lines += robust_section(result["robustness"])
+    lines += adversarial_section(result["adversarial"])
     lines += ["\n## Nominal case\n"]
     lines += [f"- {name}: {outcome(run)}" for name, run in result["nominal"].items()]
     if settling:

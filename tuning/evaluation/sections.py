@@ -55,5 +55,49 @@ def specified_section(counts: dict[str, Any]) -> list[str]:
     return ["\n## The specification\n", *table]
 
 
+_SEARCHED = (
+    "Severity is the largest error over its specified edge, or the roll over the bank "
+    "limit: above 1 the specification is broken. Each search begins anew with the "
+    "gains reached; the last is on the tuned gains, and what it found joined nothing."
+)
+
+
+def adversarial_section(about: dict[str, Any] | None) -> list[str]:
+    """Searches for the worst members between descents; none without rounds."""
+    if about is None:
+        return []
+    rows = [
+        [
+            f"after step {one['step']}",
+            _severity(one["severity"]),
+            one["found_by"],
+            _severity(one["known"]) if number else "-",
+        ]
+        for number, one in enumerate(about["searches"])
+    ]
+    head = ["search", "worst found", "by", "worst of those found before"]
+    return [
+        "\n## Worst members\n",
+        f"{about['joined']} members that {about['rollouts_of_a_search']} rollouts each "
+        f"search found worst joined training and validation. {_SEARCHED}\n",
+        *markdown_table(head, rows, 1),
+    ]
+
+
+def adversarial_line(about: dict[str, Any] | None) -> list[str]:
+    """The worst member before and after the rounds, in one line for a terminal."""
+    if about is None:
+        return []
+    first, last = (_severity(about["searches"][at]["worst"]) for at in (0, -1))
+    return [
+        f"worst member found: severity {first} after the first descent, {last} in the "
+        f"end; {about['joined']} found members joined"
+    ]
+
+
+def _severity(value: float | None) -> str:
+    return "not finite" if value is None else f"{value:.4g}"
+
+
 def _cell(value: float | None) -> str:
     return "-" if value is None else f"{value:.4g}"

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +30,16 @@ class Checkpoint:
         """
         self._path, self._fingerprint = path, fingerprint
 
-    def save(self, state: State, history: list[Step]) -> None:
-        """Replace the checkpoint; the old one stays until the new one is complete."""
+    def save(
+        self, state: State, history: list[Step], rounds: Sequence[Any] = ()
+    ) -> None:
+        """Replace the checkpoint; the old one stays until the new one is complete.
+
+        Args:
+            state: state of the descent.
+            history: steps so far.
+            rounds: adversarial rounds so far, as dataclasses of plain numbers.
+        """
         rows = [
             {**dataclasses.asdict(step), "free": np.asarray(step.free).tolist()}
             for step in history
@@ -38,12 +47,18 @@ class Checkpoint:
         leaves: dict[str, Any] = {
             f"leaf{i}": np.asarray(x) for i, x in enumerate(jax.tree.leaves(state))
         }
-        about = json.dumps({"fingerprint": self._fingerprint, "steps": rows})
+        about = json.dumps(
+            {
+                "fingerprint": self._fingerprint,
+                "steps": rows,
+                "rounds": [dataclasses.asdict(one) for one in rounds],
+            }
+        )
         with replacing(self._path) as temporary:
             np.savez(temporary, about=about, **leaves)
 
     def about(self) -> dict[str, Any]:
-        """Fingerprint and steps, read without anything compiled.
+        """Fingerprint, steps and rounds, read without anything compiled.
 
         Raises:
             ValueError: there is no checkpoint, it is broken, or it belongs to another

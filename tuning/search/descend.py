@@ -2,32 +2,28 @@
 
 import dataclasses
 import time
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
-import jax
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Series
-from jaxglider.simulation.rollout import with_ticks
-from tuning.gradient_check.check import SHORT_STEPS, check_gradient
-from tuning.problem.members import nominal_member
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.console import Progress, note
+from tuning.search.adversarial import AdversarialRound, Adversary, read_rounds
+from tuning.search.beginning import begin
 from tuning.search.checkpoint import Checkpoint
 from tuning.search.descent import Descent
-from tuning.search.rescue import (
-    cannot_start,
-    is_lost,
-    promising_gains,
-    refuse_lost_task,
-)
 from tuning.search.settings import DescentSettings, State, Step
+from tuning.search.stable import stable_choice
+from tuning.space.space import STABLE_LOOP
 
-T = TypeVar("T")
-CHECKED = 100.0
-"""Length of the beginning of a run on which the gradient is checked first [s]."""
+_BLIND = (
+    "the descent ended early: no gradient is finite at these gains, where the "
+    "loop amplifies every difference. Try --method cma, other --gains, a "
+    "shorter --gradient-memory or --precision 64."
+)
+_ALL_FAIL = "the rounds ended early: with the members found all that count fail."
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,12 +35,19 @@ class SearchOutcome:
         history: steps of the search, the start first.
         remarks: sentences on the start and the gradient, for a report.
         interrupted: whether the search was stopped before its end.
+        rounds: adversarial rounds in which members joined.
     """
 
     free: Series
     history: list[Step]
     remarks: tuple[str, ...] = ()
     interrupted: bool = False
+    rounds: tuple[AdversarialRound, ...] = ()
+
+    @property
+    def candidates(self) -> list[Step]:
+        """Steps since the last round: all that the same validation members judged."""
+        return since_round(self.history, self.rounds)
 
 
 def descend(
@@ -52,6 +55,7 @@ def descend(
     settings: DescentSettings,
     progress: Progress,
     *,
+    adversary: Adversary | None = None,
     checkpoint: Checkpoint | None = None,
     resume: bool = False,
     check: bool = True,
@@ -60,9 +64,10 @@ def descend(
     """Descend to the end or to an interruption; what was reached is kept.
 
     Args:
-        problem: problem to solve.
-        settings: settings of the descent.
+        problem: problem to solve; that of the adversary where there is one.
+        settings: settings of the descent, of each round anew.
         progress: line that shows how far it is.
+        adversary: adversary that finds members which join after a descent, or None.
         checkpoint: file that every step is kept in, or None.
         resume: whether to go on from the checkpoint.
         check: whether to check the gradient against differences at the start.
@@ -73,37 +78,38 @@ def descend(
         CannotStart: no gains that a search tried keep the gliders.
         ValueError: the checkpoint cannot be gone on with.
     """
-    descent, state, remarks = _start(problem, settings, progress, resume, check)
+    descent, state, remarks = begin(problem, settings, progress, resume, check)
     for remark in remarks:
         note(remark)
     meanwhile()
-    leader = state.leader()
-    history = [
-        Step(
-            number=0,
-            loss=float(state.current.loss[leader]),
-            validation=float(state.chosen_loss[leader]),
-            free=state.current.free[leader],
-            refused=False,
-            best=True,
-            learning_rate=settings.learning_rate,
-        )
-    ]
+    history = [_first_step(state, settings, 0)]
+    rounds: list[AdversarialRound] = []
     if resume and checkpoint is not None:
         state, history = checkpoint.load(state)
-        note(f"resumed after step {int(state.number)}.")
-    begun, first = time.monotonic(), int(state.number)
+        rounds = read_rounds(checkpoint.about().get("rounds", []))
+        descent = _on_found(descent, adversary, rounds)
+        note(f"resumed after step {history[-1].number}.")
     interrupted = False
     try:
-        for reached, step in descent.run(state):
-            state = reached
-            history.append(step)
-            if checkpoint is not None:
-                checkpoint.save(state, history)
-            pace = (time.monotonic() - begun) / max(step.number - first, 1)
-            progress.show(
-                _line(step, state, settings, pace), step.number, settings.steps
+        while True:
+            for reached in _steps(descent, state, history, settings, progress):
+                state = reached
+                if checkpoint is not None:
+                    checkpoint.save(state, history, rounds)
+            if adversary is None or len(rounds) == adversary.rounds:
+                break
+            progress.show("searching for the worst members ...")
+            found, joined, first = _round(
+                problem, adversary, descent, state, history, rounds
             )
+            if not joined.can_run(first):
+                remarks = (*remarks, _ALL_FAIL)
+                break
+            descent, state = joined, first
+            history.append(_first_step(state, settings, history[-1].number))
+            rounds.append(found)
+            if checkpoint is not None:
+                checkpoint.save(state, history, rounds)
     except KeyboardInterrupt:
         interrupted = True
         progress.clear()
@@ -111,84 +117,85 @@ def descend(
         note(f"interrupted; keeping the best gains so far{how}.")
     if not interrupted and descent.is_blind(state):
         progress.clear()
-        note(
-            "the descent ended early: no gradient is finite at these gains, where the "
-            "loop amplifies every difference. Try --method cma, other --gains, a "
-            "shorter --gradient-memory or --precision 64."
-        )
-    chosen = state.chosen_free[state.leader()]
-    return SearchOutcome(chosen, history, remarks, interrupted)
+        note(_BLIND)
+    return SearchOutcome(_chosen(state), history, remarks, interrupted, tuple(rounds))
 
 
-def beside(function: Callable[..., T], *args: Any) -> "Future[T]":
-    """Call in a thread of its own: what it compiles costs no time on a second core."""
-    pool = ThreadPoolExecutor(1)
-    future = pool.submit(function, *args)
-    pool.shutdown(wait=False)
-    return future
-
-
-def _start(
+def _round(
     problem: TuningProblem,
-    settings: DescentSettings,
-    progress: Progress,
-    resume: bool,
-    check: bool,
-) -> tuple[Descent, State, tuple[str, ...]]:
-    """A descent at its start, or at a better one if this is lost; and remarks.
+    adversary: Adversary,
+    descent: Descent,
+    state: State,
+    history: list[Step],
+    rounds: list[AdversarialRound],
+) -> tuple[AdversarialRound, Descent, State]:
+    """The worst members for the gains reached, and the descent with them, begun."""
+    free, steps = _chosen(state), since_round(history, rounds)
+    if STABLE_LOOP in problem.spec.constraints:
+        free = stable_choice(problem, free, steps).free
+    found = adversary.search(free, history[-1].number, rounds)
+    joined = _on_found(descent, adversary, [*rounds, found])
+    return found, joined, joined.start(free)
 
-    What is lost on the nominal case is looked at before the gradient is compiled.
+
+def since_round(history: list[Step], rounds: Sequence[AdversarialRound]) -> list[Step]:
+    """The steps since the last round, its start first; all where there was none.
+
+    Args:
+        history: steps of a descent.
+        rounds: rounds of it so far.
     """
-    given = problem.space.read(problem.loop)
-    found: list[str] = []
-    if not resume and problem.starts_lost:
-        refuse_lost_task(problem, progress)
-        progress.show("the starting gains lose the glider; compiling a search ...")
-        given = _rescued(problem, given, None, settings, progress, found)
-    checking = beside(_gradient_remark, problem, given) if check else None
-    progress.show(f"compiling the gradient{', checking it' if check else ''} ...")
-    descent = Descent(
-        problem.loss,
-        problem.training,
-        problem.validation,
-        settings,
-        problem.spec.aggregate,
-        surrogate_loss=problem.surrogate_loss,
-        cost_scale=problem.cost_scale,
-        devices=jax.devices(),
+    if not rounds:
+        return history
+    # A round begins with a row of the same number as the step before it.
+    begun = [at for at, x in enumerate(history) if x.number == rounds[-1].step]
+    return history[begun[-1] :]
+
+
+def _on_found(
+    descent: Descent, adversary: Adversary | None, rounds: Sequence[AdversarialRound]
+) -> Descent:
+    """The descent on the members found so far too."""
+    if adversary is None:
+        return descent
+    problem = adversary.joined(rounds)
+    return descent.on(problem.training, problem.validation)
+
+
+def _chosen(state: State) -> Series:
+    return state.chosen_free[state.leader()]
+
+
+def _first_step(state: State, settings: DescentSettings, number: int) -> Step:
+    """The start of a descent as the step of a number."""
+    leader = state.leader()
+    return Step(
+        number=number,
+        loss=float(state.current.loss[leader]),
+        validation=float(state.chosen_loss[leader]),
+        free=state.current.free[leader],
+        refused=False,
+        best=True,
+        learning_rate=settings.learning_rate,
     )
-    state = descent.start(given)
-    remarks = [checking.result()] if checking else []
-    if not resume and not found and is_lost(state.current.loss, problem.cost_scale):
-        objective = float(state.current.loss[0])
-        state = descent.start(
-            _rescued(problem, given, objective, settings, progress, found)
-        )
-    progress.clear()
-    return descent, state, (*remarks, *found)
 
 
-def _rescued(
-    problem: TuningProblem,
-    given: Series,
-    objective: float | None,
+def _steps(
+    descent: Descent,
+    state: State,
+    history: list[Step],
     settings: DescentSettings,
     progress: Progress,
-    remarks: list[str],
-) -> Series:
-    """Free numbers to descend from, found by a search; what it says is a remark.
-
-    Raises:
-        CannotStart: the search came to nothing.
-    """
-    rescue = promising_gains(problem, given, objective, settings.seed, progress.show)
-    if rescue.tried:
-        progress.show("looking why the gliders are lost ...")
-        error = cannot_start(problem, rescue)
-        progress.clear()
-        raise error
-    remarks.extend([rescue.remark] if rescue.remark else [])
-    return rescue.free
+) -> Iterator[State]:
+    """The states of a descent, each step appended to the history and shown."""
+    begun, first = time.monotonic(), int(state.number)
+    before = history[-1].number - first
+    for reached, step in descent.run(state):
+        history.append(dataclasses.replace(step, number=before + step.number))
+        yield reached
+        pace = (time.monotonic() - begun) / max(step.number - first, 1)
+        text = _line(step, reached, settings, pace)
+        progress.show(text, step.number, settings.steps)
 
 
 def _line(step: Step, state: State, settings: DescentSettings, pace: float) -> str:
@@ -200,24 +207,3 @@ def _line(step: Step, state: State, settings: DescentSettings, pace: float) -> s
         f"{'refused  ' if step.refused else ''}"
         f"{pace * (settings.steps - step.number):.0f} s left"
     )
-
-
-def _gradient_remark(problem: TuningProblem, start: Series) -> str:
-    """Whether the derivative at the start is exact, and how far it predicts.
-
-    On the beginning of the nominal case: differences of a long run are rounding.
-    """
-    clock = problem.loop.scenario.clock
-    ticks = min(clock.ticks, round(CHECKED / float(clock.dt)))
-    brief = with_ticks(problem.loop, ticks)
-    beginning = dataclasses.replace(problem, loop=brief)
-    member = jax.tree.map(lambda x: x[0], nominal_member(brief))
-    report = check_gradient(
-        lambda x: beginning.loss(x, member),
-        start,
-        problem.space.names,
-        steps=SHORT_STEPS,
-        copies=1,
-    )
-    seconds = ticks * float(clock.dt)
-    return f"gradient over the nominal case's first {seconds:g} s: {report.verdict}."

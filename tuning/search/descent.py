@@ -15,10 +15,10 @@ the gains that are best on members the descent does not see. The steps shrink al
 a cosine. Several descents from scattered starts can run side by side.
 """
 
+import copy
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import jax.random as jr
@@ -40,41 +40,13 @@ from tuning.problem.lanes import (
 from tuning.problem.objective import DEFAULT_COST_SCALE
 from tuning.search.settings import (
     DescentSettings,
+    Evaluation,
     Point,
+    Proposal,
     State,
     Step,
     make_optimiser,
 )
-
-
-class Evaluation(eqx.Module):
-    """Values at the free numbers of each descent, one row each.
-
-    Attributes:
-        loss: objective of all training members.
-        slope: clipped gradient of the surrogate loss.
-        validation: objective of the validation members.
-        usable: whether the gradient of any lane is finite.
-    """
-
-    loss: Series
-    slope: jax.Array
-    validation: Series
-    usable: jax.Array
-
-
-class Proposal(eqx.Module):
-    """Next step of each descent.
-
-    Attributes:
-        free: free numbers to try, one row each.
-        optimiser: state of the optimiser there.
-        rate: learning rate of each descent.
-    """
-
-    free: jax.Array
-    optimiser: Any
-    rate: Series
 
 
 class Descent:
@@ -117,6 +89,17 @@ class Descent:
         self._propose_jit = jax.jit(self._propose)
         self._accept_jit = jax.jit(self._accept)
 
+    def on(self, training: Any, validation: Any) -> "Descent":
+        """The same descent on as many other members, with the same programs.
+
+        Args:
+            training: members to descend on.
+            validation: members to choose by.
+        """
+        other = copy.copy(self)
+        other._members = training, validation
+        return other
+
     def start(self, free: Series) -> State:
         """The state before the first step; further starts are scattered around it."""
         settings = self.settings
@@ -151,7 +134,7 @@ class Descent:
         Raises:
             FloatingPointError: the objective is not finite at any of the starts.
         """
-        if not np.any(np.asarray(state.best.loss) < FAILED_COST * self._cost_scale):
+        if not self.can_run(state):
             raise FloatingPointError(
                 "the objective is not finite at the starting gains, for no member; "
                 "start from gains that complete the run (--gains), or scatter several "
@@ -165,6 +148,11 @@ class Descent:
         ):
             state, step = self.advance(state)
             yield state, step
+
+    def can_run(self, state: State) -> bool:
+        """Whether the objective of any descent is below that of lost runs alone."""
+        lost = FAILED_COST * self._cost_scale
+        return bool(np.any(np.asarray(state.best.loss) < lost))
 
     def is_blind(self, state: State) -> bool:
         """Whether no descent had a finite gradient while every member had its turn."""

@@ -156,6 +156,36 @@ class State(eqx.Module):
         return int(np.argmin(np.asarray(self.chosen_loss)))
 
 
+class Evaluation(eqx.Module):
+    """Values at the free numbers of each descent, one row each.
+
+    Attributes:
+        loss: objective of all training members.
+        slope: clipped gradient of the surrogate loss.
+        validation: objective of the validation members.
+        usable: whether the gradient of any lane is finite.
+    """
+
+    loss: Series
+    slope: jax.Array
+    validation: Series
+    usable: jax.Array
+
+
+class Proposal(eqx.Module):
+    """Next step of each descent.
+
+    Attributes:
+        free: free numbers to try, one row each.
+        optimiser: state of the optimiser there.
+        rate: learning rate of each descent.
+    """
+
+    free: jax.Array
+    optimiser: Any
+    rate: Series
+
+
 @dataclasses.dataclass(frozen=True)
 class Step:
     """One step, of the descent that leads after it, as reported.

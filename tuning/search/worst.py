@@ -38,6 +38,8 @@ class WorstCase:
         found_by: part of the search that found it: `random`, `gradient` or `cma`.
         rollouts: rollouts that the search took, a gradient counted as five.
         best: highest severity that each part of the search came to, by its name.
+        places: places that were looked at, one row each.
+        severities: severity at each of them.
     """
 
     place: np.ndarray
@@ -45,6 +47,8 @@ class WorstCase:
     found_by: str
     rollouts: int
     best: dict[str, float]
+    places: np.ndarray
+    severities: np.ndarray
 
 
 def find_worst(
@@ -94,6 +98,7 @@ class _Search:
         self._severity, self._found_by = -np.inf, ""
         self._rollouts = 0
         self._best: dict[str, float] = {}
+        self._seen: list[tuple[np.ndarray, np.ndarray]] = []
         self.name = ""
 
     def look(self, places: np.ndarray) -> np.ndarray:
@@ -145,6 +150,7 @@ class _Search:
             self._found_by,
             self._rollouts,
             dict(self._best),
+            *(np.concatenate(part) for part in zip(*self._seen, strict=True)),
         )
 
     def _slopes(
@@ -160,6 +166,7 @@ class _Search:
         return values, np.asarray(slope, float)
 
     def _see(self, places: np.ndarray, values: np.ndarray) -> None:
+        self._seen.append((np.array(places, float), values))
         at = int(np.argmax(values))
         known = self._best.get(self.name, -np.inf)
         self._best[self.name] = max(known, float(values[at]))

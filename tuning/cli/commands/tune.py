@@ -31,6 +31,7 @@ def tune(options: argparse.Namespace) -> int:
             problem_spec(options),
             descent_settings(options),
             black_box_settings(options),
+            adversarial=options.adversarial,
             out=options.out,
             resume=options.resume,
             check=not options.no_check,

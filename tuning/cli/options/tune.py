@@ -19,6 +19,7 @@ from tuning.cli.options.arguments import (
     positive,
     seed,
     uncertainty,
+    whole,
 )
 
 
@@ -228,6 +229,14 @@ def _add_ensemble(parser: argparse.ArgumentParser) -> None:
         type=not_negative,
         metavar="M",
         help="half width of the starting position [m]; default: 0",
+    )
+    ensemble.add_argument(
+        "--adversarial",
+        type=whole,
+        default=0,
+        metavar="ROUNDS",
+        help="so many times after the descent, search for the worst members for the "
+        "gains reached, tune on four of them too, and descend again; default: 0",
     )
     ensemble.add_argument(
         "--aggregate",
