@@ -121,5 +121,5 @@ def test_latitudes_are_refused_with_what_to_give_instead(call, tmp_path, key, ta
     (tmp_path / "m.toml").write_text(text, encoding="utf-8")
     code, _, err = call("validate", "m.toml")
     assert code == 2
-    assert f"unknown key {table}.{key}; positions are metres north and east" in err
-    assert "north_m and east_m, not latitude and longitude" in err
+    assert f"unknown key {table}.{key}; positions are north_m and east_m, metres" in err
+    assert "or latitude_deg and longitude_deg, decimal degrees" in err

@@ -237,6 +237,12 @@ def test_a_wrong_unit_is_refused(name, factor, unit):
         clean(wrong)
 
 
+@pytest.mark.parametrize(("name", "factor"), [("depth", 0.1), ("ballast", 1e-3)])
+def test_a_unit_that_is_a_hundredth_of_what_it_says_is_warned_of(name, factor):
+    small = clean(record(**{name: factor * record().channels[name].values}))
+    assert any(f"{name}: moves by" in w for w in small.warnings())
+
+
 def test_nothing_is_refused():
     empty = Series(np.array([]), np.array([]))
     with pytest.raises(ValueError, match="no channel of a flight has two values"):

@@ -93,8 +93,8 @@ def refuse_unknown(rest: Any, allowed: list[str], path: str) -> None:
         )
         if _GEOGRAPHIC.match(key) and any(name.endswith("north_m") for name in allowed):
             hint = (
-                "positions are metres north and east of a point of your own, north_m "
-                "and east_m, not latitude and longitude."
+                "positions are north_m and east_m, metres from a point of your own, or "
+                "latitude_deg and longitude_deg, decimal degrees."
             )
         raise ConfigError(f"unknown key {path}.{key}; {hint}".replace(" .", " "))
 
@@ -154,6 +154,18 @@ class TomlTable:
                 f"{self.where(key)} must have {length} numbers; received {len(value)}."
             )
         return [number(v, f"{self.where(key)}[{i}]") for i, v in enumerate(value)]
+
+    def rows(self, key: str) -> list[list[float]]:
+        """Rows of numbers, all of one length."""
+        value = self.get(key)
+        if not isinstance(value, list) or not value:
+            raise ConfigError(
+                f"{self.where(key)} must be a list of rows of numbers; received "
+                f"{value!r}."
+            )
+        rows = TomlTable({str(n): row for n, row in enumerate(value)}, self.where(key))
+        first = rows.numbers("0")
+        return [rows.numbers(str(n), length=len(first)) for n in range(len(value))]
 
     def table(self, key: str) -> "TomlTable":
         """A table, empty if it is not there."""

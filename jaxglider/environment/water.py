@@ -25,6 +25,7 @@ import jax.numpy as jnp
 from jaxglider.core import rotations as frames
 from jaxglider.core.containers import Container, Scalar, as_float, check_interval
 from jaxglider.core.numerics import sincos
+from jaxglider.environment.tables import CurrentTable, DensityProfile
 from jaxglider.signals import BodyAxes, Command, GliderState
 from jaxglider.vehicle.plant import AbstractPlant
 
@@ -36,6 +37,8 @@ def _number(default: float = 0.0) -> Any:
 class Current(Container):
     """Horizontal velocity of the water: v₀ + s Z + a sin(2π t/T + φ₀), north and east.
 
+    A table of an ocean model is added where there is one.
+
     Attributes:
         north: velocity to the north at the surface [m/s].
         east: velocity to the east at the surface [m/s].
@@ -45,6 +48,7 @@ class Current(Container):
         tide_east: amplitude of the eastward tide [m/s].
         tide_period: T, period of the tide [s].
         tide_phase: φ₀, phase of the tide at time zero [rad].
+        table: velocities over time and depth, or None.
 
     Raises:
         ValueError: the period is not positive.
@@ -58,6 +62,7 @@ class Current(Container):
     tide_east: Scalar = _number()
     tide_period: Scalar = _number(44712.0)
     tide_phase: Scalar = _number()
+    table: CurrentTable | None = None
 
     def __check_init__(self) -> None:
         check_interval("Current", "tide_period", self.tide_period, 0.0)
@@ -70,10 +75,12 @@ class Current(Container):
             time: present time [s].
         """
         wave, _ = sincos(2.0 * math.pi * time / self.tide_period + self.tide_phase)
-        return (
-            self.north + self.shear_north * depth + self.tide_north * wave,
-            self.east + self.shear_east * depth + self.tide_east * wave,
-        )
+        north = self.north + self.shear_north * depth + self.tide_north * wave
+        east = self.east + self.shear_east * depth + self.tide_east * wave
+        if self.table is None:
+            return north, east
+        more_north, more_east = self.table.velocity(depth, time)
+        return north + more_north, east + more_east
 
 
 class Stratification(Container):
@@ -84,6 +91,7 @@ class Stratification(Container):
         density_gradient: ε [1/m], relative growth of the density with depth.
         hull_compressibility: κ [1/m], relative loss of volume with depth.
         neutral_depth: depth at which m_b = 0 is neutral [m].
+        profile: density over depth, which the gradient is added to, or None.
 
     Raises:
         ValueError: the displaced mass is not positive.
@@ -93,14 +101,22 @@ class Stratification(Container):
     density_gradient: Scalar = _number()
     hull_compressibility: Scalar = _number()
     neutral_depth: Scalar = _number()
+    profile: DensityProfile | None = None
 
     def __check_init__(self) -> None:
         check_interval("Stratification", "displaced_mass", self.displaced_mass, 0.0)
 
+    def denser(self, depth: Scalar) -> Scalar:
+        """Density at a depth [m] relative to that at neutral depth, less one."""
+        dense = self.density_gradient * (depth - self.neutral_depth)
+        if self.profile is None:
+            return dense
+        return dense + self.profile.excess(depth, self.neutral_depth)
+
     def excess_mass(self, depth: Scalar) -> Scalar:
         """Mass that the glider is heavier at a depth [m] than at neutral depth [kg]."""
-        z = depth - self.neutral_depth
-        dense, squeezed = self.density_gradient * z, self.hull_compressibility * z
+        dense = self.denser(depth)
+        squeezed = self.hull_compressibility * (depth - self.neutral_depth)
         return self.displaced_mass * (squeezed - dense + dense * squeezed)
 
 

@@ -5,6 +5,7 @@ Every key carries its unit. What is left out takes the value of the paper's firs
 """
 
 import dataclasses
+import datetime
 import functools
 import math
 from importlib import resources
@@ -45,6 +46,8 @@ from jaxglider.files.mission_tables import (
     read_reference,
     read_vehicle,
 )
+from jaxglider.files.sea.located import with_sea_inside
+from jaxglider.files.sea.netcdf import started
 from jaxglider.files.user_law import first_gains
 from jaxglider.guidance.routes import route_of
 from jaxglider.signals import CHANNELS, Channels
@@ -80,6 +83,7 @@ class Mission:
         remarks: oddities of a course or a vehicle that can be flown.
         stand_ins: sentences on what is the paper's or the vehicle's because its table
             is left out; empty where nothing is.
+        start: date of the start in UTC, or None.
     """
 
     name: str
@@ -90,6 +94,7 @@ class Mission:
     plant: str
     remarks: tuple[str, ...] = ()
     stand_ins: str = ""
+    start: datetime.datetime | None = None
 
     @property
     def controller(self) -> str:
@@ -122,6 +127,7 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
         ConfigError: names the key, the rule and the value.
     """
     refuse_other_kind(data, "mission")
+    data = with_sea_inside(data, folder)
     top = TomlTable(data, "")
     name, seed = top.text("name", "mission"), top.whole("seed", 0)
     if not 0 <= seed < SEEDS:
@@ -147,7 +153,6 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
         ),
         read_initial_state(start, origin, water),
     )
-    seabed = read_seabed(_optional(top, "seabed"))
     energy = read_energy(top.table("energy"), vehicle.energy)
     instruments = read_sensors(_optional(top, "sensors"), vehicle.sensors)
     try:
@@ -156,15 +161,14 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
             specification=prescribed,
             origin=origin,
             water=water,
-            seabed=seabed,
+            seabed=read_seabed(_optional(top, "seabed")),
             energy=energy,
             instruments=instruments,
             reckoning=read_reckoning(instruments, plant, vehicle),
         )
     except ValueError as error:
         raise ConfigError(str(error)) from error
-    table = top.table("observer")
-    observer = decode_observer(table.rest(), law.observer, model)
+    observer = decode_observer(top.table("observer").rest(), law.observer, model)
     estimator = mission_estimator(
         top.get("estimator", None), law.estimator, model, scenario.instruments
     )
@@ -173,8 +177,8 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     guidance = None if path is None else path.line_of_sight
     law = law._replace(observer=observer, guidance=guidance, estimator=estimator)
     loop, beyond = law.on(scenario), vehicle_remarks(vehicle, plant_name, parts[2])
-    remarks = (*course_remarks(data), *beyond)
-    return Mission(name, loop, seed, law, model, plant_name, remarks, stand_ins(data))
+    told = (*course_remarks(data), *beyond), stand_ins(data), started(data)
+    return Mission(name, loop, seed, law, model, plant_name, *told)
 
 
 def _optional(top: TomlTable, name: str) -> TomlTable | None:
@@ -216,7 +220,8 @@ def self_contained(path: str | Path) -> dict[str, Any]:
     Raises:
         ConfigError: a file cannot be read.
     """
-    folder, data = Path(path).parent, read_toml(path)
+    folder = Path(path).parent
+    data = with_sea_inside(read_toml(path), folder)
     vehicle, controller = data.get("vehicle"), data.get("controller")
     if isinstance(vehicle, dict):
         file = vehicle.get("data")

@@ -92,6 +92,7 @@ def _published(table: TomlTable, folder: Path) -> VehicleData:
 def read_clock(table: TomlTable) -> Clock:
     """Tick and horizon."""
     duration = table.number("duration_s", 800.0)
+    table.get("start", None)  # a date: of the sea's files, and of those written
     if table.get("period_s", None) is not None:
         return read_sampled_clock(table, duration)
     dt = table.number("dt_s", 0.05)
@@ -180,6 +181,9 @@ def _coloured_noise(table: TomlTable) -> GaussMarkov:
 WAYPOINT_KEYS = (
     "north_m",
     "east_m",
+    "latitude_deg",
+    "longitude_deg",
+    "file",
     "radius_m",
     "abeam_m",
     "lookahead_m",

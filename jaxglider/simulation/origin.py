@@ -25,15 +25,17 @@ class Origin:
     Attributes:
         north: true position of it [m].
         east: true position of it [m].
+        place: latitude and longitude of it [deg], or None for nowhere on Earth.
     """
 
     north: float = 0.0
     east: float = 0.0
+    place: tuple[float, float] | None = None
 
     @property
     def moved(self) -> bool:
         """Whether it is another place than zero."""
-        return self != MAP_ZERO
+        return (self.north, self.east) != (0.0, 0.0)
 
     @classmethod
     def at_start(cls, north: float, east: float) -> "Origin":

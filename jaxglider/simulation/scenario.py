@@ -17,6 +17,7 @@ from jaxglider.core.containers import (
 )
 from jaxglider.environment.disturbances import AbstractDisturbance
 from jaxglider.environment.seabed import Seabed
+from jaxglider.environment.tables import SeabedGrid
 from jaxglider.environment.water import Water
 from jaxglider.guidance.reference import AbstractReference
 from jaxglider.navigation.estimator import AbstractEstimator
@@ -145,7 +146,7 @@ class Scenario(Container):
     sensors: Mapping[str, Sensor] | None = None
     specification: Specification | None = None
     water: Water | None = None
-    seabed: Seabed | None = None
+    seabed: Seabed | SeabedGrid | None = None
     energy: EnergyModel | None = None
     origin: Origin = eqx.field(static=True, default=MAP_ZERO)
     instruments: Instruments | None = None

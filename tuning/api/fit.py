@@ -115,6 +115,7 @@ def fit(
     mass: float | None = None,
     volume: float | None = None,
     held_out: str = "half",
+    worst: int = 2,
     out: str | Path | None = None,
 ) -> FitResult:
     """Fit a vehicle to its flight record and judge it on dives held out.
@@ -133,6 +134,7 @@ def fit(
         volume: volume displaced at the surface, no ballast pumped [m³]; by default the
             mass over the mean density of the record.
         held_out: `half`, the second half of the dives, or `alternate`, every other.
+        worst: number of numbers, those told worst, whose likelihood is profiled.
         out: folder for all results.
 
     Raises:
@@ -147,7 +149,14 @@ def fit(
         start = resized(start, mass)
     flown = record if isinstance(record, FlightRecord) else read_record(record)
     found = fit_flight(
-        uniform(flown), start, volume, kind=kind, free=free, speed=speed, split=held_out
+        uniform(flown),
+        start,
+        volume,
+        kind=kind,
+        free=free,
+        speed=speed,
+        split=held_out,
+        worst=worst,
     )
     verdict = judge(found)
     result = FitResult(found, verdict, flown, remarks(found, verdict, flown), origin)

@@ -164,6 +164,12 @@ def _add_simulate(commands: Any) -> None:
     )
     add_controller_binary(parser, steered)
     add_table(parser)
+    parser.add_argument(
+        "--og1",
+        action="store_true",
+        help="write the flight as OG-1.0 NetCDF too, as its glider would have recorded "
+        "it; the mission must have a latitude and a longitude",
+    )
     add_overwrite(parser)
     add_common(parser, "results/simulate")
 

@@ -2,13 +2,15 @@
 
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.vehicle.parameters import VehicleData
 from tuning.identification.glider import IdentifiedGlider, with_values
+from tuning.identification.information.likelihood import SearchedStage, profiles
+from tuning.identification.information.manoeuvres import Advice, advice
 from tuning.identification.least_squares import Solution, joined, solve
 from tuning.identification.parameters import FreeParameter, free_parameters, placed
 from tuning.identification.record.uniform import Flight
@@ -36,6 +38,9 @@ class Fit:
         before: glider as it started.
         after: glider as fitted.
         solution: coordinates, covariance and noise.
+        profiles: ends of the profile's 95 % interval of the numbers told worst, by
+            name; NaN for an end that was not found.
+        advice: what further manoeuvres would tell.
         seconds: time that it took [s], compiling included.
     """
 
@@ -45,6 +50,8 @@ class Fit:
     before: IdentifiedGlider
     after: IdentifiedGlider
     solution: Solution
+    profiles: Mapping[str, tuple[float, float]]
+    advice: tuple[Advice, ...]
     seconds: float
 
 
@@ -56,6 +63,7 @@ def fit_flight(
     free: Sequence[str] = (),
     speed: bool = True,
     split: str = "half",
+    worst: int = 2,
 ) -> Fit:
     """Fit a vehicle to a flight.
 
@@ -67,6 +75,7 @@ def fit_flight(
         free: names of free numbers; by default those that the record may tell.
         speed: whether a recorded speed is used.
         split: `half` or `alternate`, the dives held out.
+        worst: number of numbers, those told worst, whose likelihood is profiled.
 
     Raises:
         ValueError: the record lacks what is needed, or an argument cannot be used.
@@ -76,28 +85,30 @@ def fit_flight(
     stages = make_stages(flight, vehicle, kind, free, speed)
     before = glider = starting_glider(vehicle, flight, volume)
     held_out = held_out_dives(flight.dives(), split)
-    done: list[tuple[tuple[FreeParameter, ...], Solution]] = []
+    done: list[SearchedStage] = []
     for stage in stages:
         if stage.kind == "closed" and not free:
             offset = balanced_offset(glider, flight)
             glider = with_values(glider, {"position_offset": offset})
             before = with_values(before, {"position_offset": offset})
         numbers = free_parameters(stage.names, glider, vehicle)
-        solution = _search(flight, glider, numbers, stage, held_out)
-        if solution is None:
+        searched = _search(flight, glider, numbers, stage, held_out)
+        if searched is None:
             continue
-        glider = placed(glider, numbers, jnp.asarray(solution.x))
-        done.append((numbers, solution))
+        glider = placed(glider, numbers, jnp.asarray(searched.solution.x))
+        done.append(searched)
     plan = Plan(
         kind,
         stages,
-        tuple(p for numbers, _ in done for p in numbers),
+        tuple(p for one in done for p in one.numbers),
         fitted_channels(flight, kind, speed),
         split,
         held_out,
     )
-    whole = joined([solution for _, solution in done])
-    return Fit(plan, vehicle, flight, before, glider, whole, time.monotonic() - begun)
+    whole = joined([one.solution for one in done])
+    ends, more = profiles(done, worst), advice(done)
+    seconds = time.monotonic() - begun
+    return Fit(plan, vehicle, flight, before, glider, whole, ends, more, seconds)
 
 
 def _search(
@@ -106,7 +117,7 @@ def _search(
     numbers: tuple[FreeParameter, ...],
     stage: Stage,
     held_out: tuple[int, ...],
-) -> Solution | None:
+) -> SearchedStage | None:
     """One stage; None where there are too few samples of its groups.
 
     Raises:
@@ -124,4 +135,5 @@ def _search(
             "record` for its gaps."
         )
     model = Linearised(glider, numbers, stretches.inputs, stage.kind, rows)
-    return solve(model, measured, len(numbers), stretches=unbroken)
+    solution = solve(model, measured, len(numbers), stretches=unbroken)
+    return SearchedStage(numbers, model, measured, solution)

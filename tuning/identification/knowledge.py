@@ -32,6 +32,8 @@ class Estimate:
         low: lower end of the 95 % interval.
         high: upper end.
         learned: share of the prior variance that the record took away.
+        profile: ends of the 95 % interval of the profile likelihood, NaN for one that
+            was not found; None where it was not looked for.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Estimate:
     low: float
     high: float
     learned: float
+    profile: tuple[float, float] | None = None
 
     @property
     def identified(self) -> bool:
@@ -74,6 +77,7 @@ def estimates(fit: Fit) -> tuple[Estimate, ...]:
                 low=min(ends),
                 high=max(ends),
                 learned=1.0 - spread * spread,
+                profile=fit.profiles.get(free.name),
             )
         )
     return tuple(found)
@@ -128,6 +132,7 @@ def _identified(fit: Fit) -> list[str]:
                 f"{np.sqrt(1.0 - one.learned):.0%} of the prior's. It stays near where "
                 "it was, by the prior."
             )
+    told += [text for one in estimates(fit) if (text := _bent(one))]
     pairs = strongest_pairs(
         fit.solution.covariance, [p.name for p in fit.plan.free], least=0.95
     )
@@ -143,6 +148,22 @@ def _identified(fit: Fit) -> list[str]:
             "combination of the numbers rests on the priors alone."
         )
     return told
+
+
+def _bent(one: Estimate) -> str:
+    """A sentence where profile and Fisher information do not agree; else nothing."""
+    if one.profile is None:
+        return ""
+    width = one.high - one.low
+    ends = zip(one.profile, (one.low, one.high), strict=True)
+    if all(abs(found - said) < 0.15 * width for found, said in ends):
+        return ""
+    low, high = (f"{x:.4g}" if np.isfinite(x) else "no end" for x in one.profile)
+    return (
+        f"{one.name}: by its profile likelihood the 95 % interval is {low} to {high}, "
+        f"not {one.low:.4g} to {one.high:.4g}, which holds for a straight model: "
+        "believe the profile."
+    )
 
 
 def _heading(fit: Fit, verdict: Verdict, record: FlightRecord) -> list[str]:

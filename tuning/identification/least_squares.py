@@ -55,6 +55,26 @@ class Solution:
         return float(np.linalg.cond(self.information / np.outer(lengths, lengths)))
 
 
+def remembered(
+    linearise: Callable[[np.ndarray], tuple[Rows, Rows]],
+) -> Callable[[np.ndarray], tuple[Rows, Rows]]:
+    """The same, its last answer kept: a search asks for rows and slopes by turns.
+
+    Args:
+        linearise: predicted rows and their Jacobian at some coordinates.
+    """
+    last: dict[bytes, tuple[Rows, Rows]] = {}
+
+    def model(x: np.ndarray) -> tuple[Rows, Rows]:
+        key = x.tobytes()
+        if key not in last:
+            last.clear()
+            last[key] = linearise(x)
+        return last[key]
+
+    return model
+
+
 def solve(
     linearise: Callable[[np.ndarray], tuple[Rows, Rows]],
     measured: Rows,
@@ -76,15 +96,7 @@ def solve(
     Raises:
         FloatingPointError: the model is not finite where the search begins.
     """
-    last: dict[bytes, tuple[Rows, Rows]] = {}
-
-    def model(x: np.ndarray) -> tuple[Rows, Rows]:
-        key = x.tobytes()
-        if key not in last:
-            last.clear()
-            last[key] = linearise(x)
-        return last[key]
-
+    model = remembered(linearise)
     x, evaluations, converged = np.zeros(size), 0, True
     predicted, _ = model(x)
     finite = np.concatenate([np.isfinite(rows) for rows in predicted.values()])
@@ -99,7 +111,7 @@ def solve(
         for name, rows in measured.items()
     }
     for turn in range(rounds):
-        result = _search(model, measured, levels, x)
+        result = search(model, measured, levels, x)
         x = result.x
         evaluations += result.nfev
         converged = result.success
@@ -111,9 +123,9 @@ def solve(
             }
         if known and turn == 0:
             break
-    information = _information(model, measured, levels, x)
-    covariance = np.linalg.inv(information + np.eye(size))
-    return Solution(x, covariance, information, levels, evaluations, converged)
+    told = information(model, measured, levels, x)
+    covariance = np.linalg.inv(told + np.eye(size))
+    return Solution(x, covariance, told, levels, evaluations, converged)
 
 
 def _residuals(predicted: Rows, measured: Rows) -> dict[str, np.ndarray]:
@@ -127,22 +139,23 @@ def _scales(levels: Mapping[str, Noise]) -> dict[str, float]:
     return {n: 1.0 / (v.sigma * v.correlation_time**0.5) for n, v in levels.items()}
 
 
-def _search(
+def search(
     model: Callable[[np.ndarray], tuple[Rows, Rows]],
     measured: Rows,
     levels: Mapping[str, Noise],
     x: np.ndarray,
+    most: int = 60,
 ) -> OptimizeResult:
-    scale = _scales(levels)
-    limits = np.concatenate(
-        [
-            *(
-                np.full(len(measured[n]), ROBUST**2 / levels[n].correlation_time)
-                for n in measured
-            ),
-            np.full(len(x), np.inf),
-        ]
-    )
+    """The least of the robust squares with the rows of the prior.
+
+    Args:
+        model: predicted rows and their Jacobian at some coordinates.
+        measured: measured rows by channel.
+        levels: noise by channel.
+        x: coordinates to start from.
+        most: largest number of evaluations.
+    """
+    scale, limits = _scales(levels), _limits(measured, levels, len(x))
 
     def rows(at: np.ndarray) -> np.ndarray:
         predicted, _ = model(at)
@@ -163,11 +176,41 @@ def _search(
         jac=jacobian,
         x_scale="jac",
         loss=loss,
-        max_nfev=60,
+        max_nfev=most,
         xtol=1e-6,
         ftol=1e-7,
         gtol=1e-7,
     )
+
+
+def _limits(measured: Rows, levels: Mapping[str, Noise], size: int) -> np.ndarray:
+    """c² of each row, infinite for those of the prior."""
+    rows = [
+        np.full(len(measured[n]), ROBUST**2 / levels[n].correlation_time)
+        for n in measured
+    ]
+    return np.concatenate([*rows, np.full(size, np.inf)])
+
+
+def loss_of(
+    model: Callable[[np.ndarray], tuple[Rows, Rows]],
+    measured: Rows,
+    levels: Mapping[str, Noise],
+    x: np.ndarray,
+) -> float:
+    """Twice the loss at some coordinates, the prior included.
+
+    Args:
+        model: predicted rows and their Jacobian at some coordinates.
+        measured: measured rows by channel.
+        levels: noise by channel.
+        x: coordinates.
+    """
+    predicted, _ = model(x)
+    scale = _scales(levels)
+    parts = [scale[n] * (predicted[n] - measured[n]) for n in measured]
+    rows = np.nan_to_num(np.concatenate([*parts, x]), nan=1e3, posinf=1e3)
+    return float(np.sum(soft_l1(rows**2, _limits(measured, levels, len(x)))[0]))
 
 
 def soft_l1(z: np.ndarray, limits: np.ndarray) -> np.ndarray:
@@ -189,13 +232,20 @@ def soft_l1(z: np.ndarray, limits: np.ndarray) -> np.ndarray:
     )
 
 
-def _information(
+def information(
     model: Callable[[np.ndarray], tuple[Rows, Rows]],
     measured: Rows,
     levels: Mapping[str, Noise],
     x: np.ndarray,
 ) -> np.ndarray:
-    """JᵀJ of the measured rows alone."""
+    """JᵀJ of the measured rows alone.
+
+    Args:
+        model: predicted rows and their Jacobian at some coordinates.
+        measured: measured rows by channel.
+        levels: noise by channel.
+        x: coordinates.
+    """
     _, slopes = model(x)
     scale = _scales(levels)
     total = np.zeros((len(x), len(x)))

@@ -1,6 +1,7 @@
 """Samples of a record that are compared, and the model's answer to them, linearised."""
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -93,6 +94,13 @@ class Linearised:
         self._arguments = (glider, windows)
         self._rows = {name: jnp.asarray(places) for name, places in rows.items()}
         self._free, self._kind = free, kind
+
+    def changed(self, change: Callable[[Windows], Windows]) -> "Linearised":
+        """The same rows of a flight with other inputs; nothing is compiled again."""
+        other = copy.copy(self)
+        glider, windows = self._arguments
+        other._arguments = (glider, change(windows))
+        return other
 
     def __call__(self, x: np.ndarray) -> tuple[dict[str, Any], dict[str, Any]]:
         """Rows and Jacobian at x."""

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from jaxglider.core import rotations
 from jaxglider.core.toml import ConfigError, TomlTable
+from jaxglider.environment.tables import CurrentTable, DensityProfile
 from jaxglider.environment.water import Current, Stratification, Water
 from jaxglider.files.flight.yo_tables import built
 from jaxglider.signals import GliderState
@@ -30,7 +31,10 @@ def read_origin(start: TomlTable) -> Origin:
         start: the table of the initial state, which is read again later.
     """
     north, east = start.number("north_m", 0.0), start.number("east_m", 0.0)
-    return Origin.at_start(north, east)
+    degrees = [start.get(key, None) for key in ("latitude_deg", "longitude_deg")]
+    if None in degrees:
+        return Origin.at_start(north, east)
+    return Origin(place=(float(degrees[0]), float(degrees[1])))
 
 
 def read_initial_state(
@@ -45,6 +49,8 @@ def read_initial_state(
         origin: place that positions count from.
         water: water that may carry the glider.
     """
+    for key in ("latitude_deg", "longitude_deg"):
+        table.get(key, None)  # of the origin
     drifting = [f"{name}_through_water_m_s" for name in _LINEAR]
     relative = {key: table.get(key, None) for key in drifting}
     values = {
@@ -94,8 +100,9 @@ def read_water(table: TomlTable, vehicle: VehicleData) -> Water | None:
         values = [own.number(key, 0.0) for key in CURRENT_KEYS]
         period = own.number("tide_period_s", 44712.0)
         phase = math.radians(own.number("tide_phase_deg", 0.0))
+        model = _current_table(own)
         own.close()
-        current = built(Current, "water.current", *values, period, phase)
+        current = built(Current, "water.current", *values, period, phase, model)
     if table.get("stratification", None) is not None:
         own = table.table("stratification")
         if vehicle.body is None:
@@ -104,12 +111,40 @@ def read_water(table: TomlTable, vehicle: VehicleData) -> Water | None:
             displaced = float(vehicle.body.displaced_mass(vehicle.parameters))
             mass = own.number("displaced_mass_kg", displaced)
         values = [own.number(key, 0.0) for key in STRATIFICATION_KEYS]
+        profile = _profile(own)
         own.close()
-        stratification = built(Stratification, "water.stratification", mass, *values)
+        stratification = built(
+            Stratification, "water.stratification", mass, *values, profile
+        )
     table.close()
     if current is None and stratification is None:
         return None
     return Water(current, stratification)
+
+
+def _current_table(table: TomlTable) -> CurrentTable | None:
+    """The velocities of an ocean model, if the mission has some."""
+    if table.get("table", None) is None:
+        return None
+    own = table.table("table")
+    where = own.where("")[:-1]
+    axes = [own.numbers(key) for key in ("time_s", "depth_m")]
+    grids = [own.rows(key) for key in ("north_m_s", "east_m_s")]
+    own.close()
+    model: CurrentTable = built(CurrentTable, where, *axes, *grids)
+    return model
+
+
+def _profile(table: TomlTable) -> DensityProfile | None:
+    """The density over depth, if the mission has it."""
+    if table.get("profile", None) is None:
+        return None
+    own = table.table("profile")
+    where = own.where("")[:-1]
+    values = [own.numbers(key) for key in ("depth_m", "density_kg_m3")]
+    own.close()
+    profile: DensityProfile = built(DensityProfile, where, *values)
+    return profile
 
 
 CURRENT_KEYS = (

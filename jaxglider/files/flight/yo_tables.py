@@ -10,6 +10,7 @@ from typing import Any
 
 from jaxglider.core.toml import ConfigError, TomlTable, choice
 from jaxglider.environment.seabed import Seabed
+from jaxglider.environment.tables import SeabedGrid
 from jaxglider.guidance import AbstractReference, AttitudeSchedule, Schedule
 from jaxglider.guidance.phases import (
     ORDERS,
@@ -103,10 +104,18 @@ def read_pump(table: TomlTable, limit: float, known: Any) -> Actuator | None:
     return pump
 
 
-def read_seabed(table: TomlTable | None) -> Seabed | None:
+def read_seabed(table: TomlTable | None) -> Seabed | SeabedGrid | None:
     """The bottom of the sea, if the mission has one."""
     if table is None:
         return None
+    if table.get("grid", None) is not None:
+        own = table.table("grid")
+        axes = [own.numbers(key) for key in ("north_m", "east_m")]
+        rows = own.rows("depth_m")
+        own.close()
+        table.close()
+        grid: SeabedGrid = built(SeabedGrid, "seabed.grid", *axes, rows)
+        return grid
     values = [table.number(key, 0.0) for key in ("slope_north", "slope_east")]
     depth = table.number("depth_m")
     table.close()

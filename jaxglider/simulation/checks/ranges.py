@@ -1,5 +1,6 @@
 """Numbers of a scenario against what gliders and seas have: warnings with reasons."""
 
+import dataclasses
 import functools
 import math
 from collections.abc import Iterator
@@ -117,8 +118,11 @@ def _water(scenario: Scenario) -> Iterator[str]:
     if water is None:
         return
     if water.current is not None:
-        c = {name: abs(float(x)) for name, x in vars(water.current).items()}
+        plain = dataclasses.replace(water.current, table=None)
+        c = {n: abs(float(x)) for n, x in vars(plain).items() if x is not None}
         speed = math.hypot(c["north"] + c["tide_north"], c["east"] + c["tide_east"])
+        if (model := water.current.table) is not None:
+            speed += float(np.max(np.hypot(model.north, model.east)))
         if speed > TORRENT:
             yield (
                 f"water.current reaches {speed:.3g} m/s, more than any sea has: it is "

@@ -8,13 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from jaxglider.control.observer import NoObserver
+from jaxglider.files.flight.og1 import identifier, write_og1
+from jaxglider.files.flight.og1_variables import refuse_nowhere
 from jaxglider.files.mission import Mission, load_mission
+from jaxglider.files.writing import provenance
 from jaxglider.onboard.guard import status_names
 from jaxglider.onboard.pipe import ChildProcess, PipeController
 from jaxglider.simulation.checks.ranges import range_warnings
 from jaxglider.simulation.checks.start import start_warnings
 from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.evaluation.runs import (
+    FinishedRun,
     PlannedRun,
     note_stability,
     report_runs,
@@ -44,6 +48,8 @@ def simulate_mission(options: argparse.Namespace) -> int:
         options.out / "metrics.json", sys.argv[1:], overwrite=options.overwrite
     )
     mission = load_mission(options.config)
+    if options.og1:
+        refuse_nowhere(mission.loop.scenario)
     if mission.stand_ins:
         note(mission.stand_ins)
     for remark in (*mission.remarks, *range_warnings(mission.loop)):
@@ -65,7 +71,19 @@ def simulate_mission(options: argparse.Namespace) -> int:
         note_stability(loop)
     entry = PlannedRun(mission.name, mission.plant, name, loop, published=False)
     done, interrupted = run_all([entry], seed=seed, keep_every=options.keep_every)
-    return report_runs(options, done, interrupted, seed)
+    code = report_runs(options, done, interrupted, seed)
+    if options.og1 and done:
+        _write_og1(options.out, mission, done[0])
+    return code
+
+
+def _write_og1(out: Path, mission: Mission, run: FinishedRun) -> None:
+    """The flight in the form that the tools for real gliders read."""
+    path = out / f"{identifier(mission.name, mission.start)}.nc"
+    about = provenance(command=sys.argv[1:])
+    scenario = run.entry.loop.scenario
+    write_og1(path, run.trajectory, scenario, mission.name, mission.start, about)
+    note(f"{path}: OG-1.0; `jaxglider record` reads it.")
 
 
 def _simulate_outside(options: argparse.Namespace, mission: Mission, seed: int) -> int:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from tuning.cli.options.arguments import add_common, positive
+from tuning.cli.options.arguments import add_common, positive, whole
 
 KINDS = ("steady", "driven", "closed")
 """Names of the fits, the lightest first."""
@@ -94,5 +94,13 @@ def add_fit(commands: Any) -> None:
         choices=SPLITS,
         default="half",
         help="dives to be judged on: the second half, or every other; default: half",
+    )
+    parser.add_argument(
+        "--profile",
+        type=whole,
+        default=2,
+        metavar="N",
+        help="look along the likelihood of the N numbers that the record tells worst; "
+        "default: 2",
     )
     add_common(parser, "results/fit")

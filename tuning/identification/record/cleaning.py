@@ -59,7 +59,7 @@ def clean(record: FlightRecord) -> FlightRecord:
         )
     findings += _gaps(channels)
     cleaned = dataclasses.replace(record, channels=channels).with_findings(findings)
-    return cleaned.with_findings(sign_findings(cleaned))
+    return cleaned.with_findings([*sign_findings(cleaned), *_small(cleaned)])
 
 
 def _ordered(name: str, series: Series, findings: list[Finding]) -> Series:
@@ -143,6 +143,33 @@ def _gaps(channels: dict[str, Series]) -> list[Finding]:
         )
         for (count, low, high, much), names in same.items()
     ]
+
+
+_LEAST = {
+    "pressure": (5e4, "5 dbar"),
+    "depth": (5.0, "5 m"),
+    "ballast": (2e-5, "20 cc"),
+}
+"""Smallest range that a channel of a flight has, in its unit and in words."""
+
+
+def _small(record: FlightRecord) -> list[Finding]:
+    """Warnings where a channel moves so little that its unit must be another one."""
+    found = []
+    for name, (least, words) in _LEAST.items():
+        if not record.has(name):
+            continue
+        span = float(np.ptp(record.channels[name].values))
+        if span < least:
+            found.append(
+                Finding(
+                    name,
+                    f"moves by {span:.3g} {CHANNELS[name][0]} in all, less than the "
+                    f"{words} of any dive: is its unit another one?",
+                    warning=True,
+                )
+            )
+    return found
 
 
 def sign_findings(record: FlightRecord) -> list[Finding]:

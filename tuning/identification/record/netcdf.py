@@ -29,6 +29,7 @@ OG1 = (
     Column("ballast", ("VBD_CC",), "cc"),
     Column("mass_position", ("PITCH_CTL",), "cm"),
     Column("mass_angle", ("ROLL_CTL",), "deg"),
+    Column("density", ("DENSITY",), "kg/m^3"),
     Column("temperature", ("TEMP", "temperature"), "degC"),
     Column("salinity", ("PSAL", "salinity"), "1"),
     Column("conductivity", ("CNDC", "conductivity"), "S/m"),

@@ -14,7 +14,7 @@ from tuning.identification.fitting import Fit
 from tuning.identification.glider import PLACES, value_of
 from tuning.identification.knowledge import Estimate, estimates
 from tuning.identification.least_squares import correlations
-from tuning.identification.record.seawater import GRAVITY
+from tuning.identification.report.mission import mission_toml, water_csv
 
 
 def vehicle_toml(fit: Fit, name: str, source: str, origin: str) -> str:
@@ -152,69 +152,10 @@ def uncertainty_toml(fit: Fit) -> str | None:
     )
 
 
-def mission_toml(fit: Fit, name: str) -> str:
-    """A mission that flies the fitted vehicle as it was flown, in the record's water.
-
-    A dive at the glide angle of the record, the density growing with depth as there.
-    The depth rate is three fifths of the record's: pilots use all of their pump, and a
-    law needs some of it to steer by.
-
-    Args:
-        fit: the fit.
-        name: name of the vehicle.
-    """
-    flight = fit.flight
-    steady, rate = flight.steady, np.abs(flight.depth_rate)
-    depth = flight.depth[flight.good]
-    slope, surface = np.polyfit(depth, flight.density[flight.good], 1)
-    pitch = np.degrees(np.abs(np.asarray(fit.after.true_pitch(flight.pitch[steady]))))
-    glide = float(np.clip(np.median(pitch) + 3.0, 15.0, 60.0))
-    shallow = float(np.percentile(depth, 5))
-    squeezed = float(fit.after.record.compressibility) * surface * GRAVITY
-    return f"""# {name} in the water of its record.
-# Fly it: jaxglider simulate --config mission.toml
-name = {_quoted(name)}
-
-[clock]
-dt_s = 0.1
-duration_s = 800.0
-
-[vehicle]
-data = "vehicle.toml"
-plant = "rigid-body"
-design_factor = 1.0
-
-[initial_state]
-depth_m = {shallow:.1f}
-surge_m_s = 0.1
-
-[water.stratification]
-density_gradient_1_m = {slope / surface:.4g}
-hull_compressibility_1_m = {squeezed:.4g}
-neutral_depth_m = {float(np.median(depth)):.1f}
-
-[reference]
-type = "schedule"
-
-[reference.schedule]
-start_s = [0.0, 400.0]
-gliding_angle_deg = [{-glide:.1f}, {-glide:.1f}]
-heading_deg = [0.0, 0.0]
-depth_rate_m_s = {0.6 * float(np.median(rate[steady])):.3f}
-initial_depth_m = {shallow:.1f}
-
-[controller]
-type = "fxtppc"
-
-[observer]
-type = "fixed-time"
-"""
-
-
 def write_files(
     fit: Fit, folder: Path, name: str, source: str, origin: str
 ) -> list[str]:
-    """Write vehicle.toml, uncertainty.toml where there is one, and mission.toml.
+    """Write the vehicle, its uncertainty where there is one, its water and a mission.
 
     Args:
         fit: the fit.
@@ -229,6 +170,7 @@ def write_files(
     texts = {
         "vehicle.toml": vehicle_toml(fit, name, source, origin),
         "uncertainty.toml": uncertainty_toml(fit),
+        "water.csv": water_csv(fit.flight),
         "mission.toml": mission_toml(fit, name),
     }
     written = []

@@ -8,6 +8,7 @@ import numpy as np
 from tuning.identification.fitting import Fit
 from tuning.identification.knowledge import Estimate, estimates
 from tuning.identification.least_squares import correlations
+from tuning.identification.report.next_flights import flights_section, flights_text
 from tuning.identification.verdict import CHANNEL_UNITS, Score, Verdict
 from tuning.reporting.statistics import plain
 from tuning.reporting.tables import markdown_table
@@ -41,7 +42,12 @@ def content_of(fit: Fit, verdict: Verdict, remarks: tuple[str, ...]) -> dict[str
         "held_out": list(fit.plan.held_out),
         "volume_m3": float(fit.after.volume),
         "parameters": [
-            {**dataclasses.asdict(one), "identified": one.identified} for one in known
+            {
+                **dataclasses.asdict(one),
+                "identified": one.identified,
+                "profile": one.profile and [plain(x) for x in one.profile],
+            }
+            for one in known
         ],
         "correlations": correlations(fit.solution.covariance).tolist(),
         "condition_number": plain(fit.solution.condition()),
@@ -58,6 +64,7 @@ def content_of(fit: Fit, verdict: Verdict, remarks: tuple[str, ...]) -> dict[str
             for name, scores in verdict.scores.items()
         },
         "units": {name: CHANNEL_UNITS[name] for name in verdict.scores},
+        "next_flights": [dataclasses.asdict(one) for one in fit.advice],
         "evaluations": fit.solution.evaluations,
         "converged": bool(fit.solution.converged),
         "seconds": fit.seconds,
@@ -108,7 +115,8 @@ def text_of(content: dict[str, Any]) -> str:
             for value, width in zip(cells, (13, 13, 12, 11), strict=True)
         )
         lines.append(f"{f'{name} [{unit}]':<20}{text}")
-    lines += ["", *(f"- {text}" for text in content["remarks"])]
+    told = [*content["remarks"], *flights_text(content)]
+    lines += ["", *(f"- {text}" for text in told)]
     return "\n".join(lines)
 
 
@@ -165,7 +173,17 @@ def markdown_of(content: dict[str, Any]) -> str:
     lines += ["![Measured and simulated](fit.png)", ""]
     lines += ["![Errors](residuals.png)", "", "## Numbers", ""]
     lines += markdown_table(
-        ["number", "unit", "before", "prior ±", "fitted", "±", "95 %", "the record"],
+        [
+            "number",
+            "unit",
+            "before",
+            "prior ±",
+            "fitted",
+            "±",
+            "95 %",
+            "by profile",
+            "the record",
+        ],
         [_row(one) for one in content["parameters"]],
         2,
     )
@@ -184,6 +202,9 @@ def _row(one: dict[str, Any]) -> list[str]:
         f"{one['value']:.6g}",
         f"{one['deviation']:.2g}",
         f"{one['low']:.6g} to {one['high']:.6g}",
+        " to ".join(
+            "no end" if x is None else f"{x:.6g}" for x in one["profile"] or ()
+        ),
         told if one["identified"] else f"**not identifiable**, {told}",
     ]
 
@@ -194,8 +215,10 @@ def _rest(content: dict[str, Any]) -> list[str]:
     told = "infinite" if condition is None else f"{condition:.3g}"
     lines = [
         "Intervals are those of the fit: noise and its correlation in time from the "
-        "residuals, the prior included. `the record` is the share of the prior "
-        "variance that the record took away. Numbers are searched in stages, "
+        "residuals, the prior included; `by profile` is the interval of the profile "
+        "likelihood, looked for where the record tells least. `the record` is the "
+        "share of the prior variance that the record took away. Numbers are searched "
+        "in stages, "
         f"{'; '.join(', '.join(names) for names in content['stages'])}: each stage "
         "holds what those before it found, so its intervals are conditional on that, "
         "and correlations between stages are left out.",
@@ -208,6 +231,7 @@ def _rest(content: dict[str, Any]) -> list[str]:
         for name, row in zip(names, content["correlations"], strict=True)
     ]
     lines += markdown_table(["", *names], rows, 1)
+    lines += flights_section(content)
     lines += ["## Noise", ""]
     lines += markdown_table(
         ["samples", "σ", "independent"],

@@ -27,6 +27,7 @@ def fit(options: argparse.Namespace) -> int:
             mass=options.mass,
             volume=options.volume,
             held_out=options.held_out,
+            worst=options.profile,
         )
     finally:
         progress.clear()

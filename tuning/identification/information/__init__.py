@@ -1,0 +1,1 @@
+"""What a record tells beyond Fisher intervals, and what would tell more."""
