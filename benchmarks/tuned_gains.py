@@ -111,7 +111,7 @@ def _words(name: str) -> tuple[str, ...]:
 def _file(name: str) -> Path:
     """The gains of a case in the package."""
     scenario, plant, controller = CASES[name]
-    return PACKAGE / scenario / f"{plant}-{controller}.toml"
+    return PACKAGE / scenario / plant / f"{controller}.toml"
 
 
 def _tune(name: str, out: Path, more: list[str]) -> int:

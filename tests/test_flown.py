@@ -244,6 +244,47 @@ def test_settings_of_an_autopilot_become_gains_and_settings_again(tmp_path):
     glider = read_settings(file, "seaglider")
     assert glider.values == {"PITCH_GAIN": 40.0, "ROLL_DEG": 40.0}
     assert glider.unknown == ("C_PITCH",)
+    assert glider.text() == "$PITCH_GAIN,40\n$ROLL_DEG,40\n"
+
+
+SEA_CFG = """# Freq. (sec)
+period1=20
+period2=0.02
+
+# Heading regulator
+heading.deadzone=2
+heading.pid.kp=0.2
+heading.pid.ki=0.002
+heading.pid.kd=15
+heading.pid.il=15
+heading.pid.el=15
+heading.pid.hi=45
+heading.pid.lo=-45
+heading.pid.ka=0
+"""
+
+
+def test_the_file_of_a_seaexplorer_is_the_law_that_is_flown(tmp_path, capsys):
+    """Numbers of a glider at sea: those the law begins with, and back unchanged."""
+    file = tmp_path / "sea.cfg"
+    file.write_text(SEA_CFG)
+    found = read_settings(file, "seaexplorer")
+    assert found.unknown == ("period2", "heading.pid.ka")
+    law = decode_gains(found.gains(), "switching", COMET.model).controller
+    begun = paper.make_controller("seaexplorer", "switching", COMET.model)
+    for name in ("period", "dead_zone", "heading_gain", "heading_integral"):
+        assert float(getattr(law, name)) == float(getattr(begun, name))
+    for name in ("heading_rate", "integral_limit", "largest_error", "largest_angle"):
+        assert float(getattr(law, name)) == float(getattr(begun, name))
+    kept = [x for x in SEA_CFG.splitlines() if x.split("=")[0] in found.values]
+    assert found.text().splitlines() == kept
+    assert main(["settings", str(file), "--law", "seaexplorer"]) == 0
+    file.with_suffix(".toml").write_text(capsys.readouterr().out)
+    assert main(["settings", str(file.with_suffix(".toml"))]) == 0
+    assert sorted(capsys.readouterr().out.splitlines()) == sorted(kept)
+    file.write_text(SEA_CFG.replace("lo=-45", "lo=-30"))
+    with pytest.raises(ConfigError, match=r"heading\.pid\.lo must be -45, for .*hi is"):
+        read_settings(file, "seaexplorer")
 
 
 @pytest.mark.parametrize(

@@ -65,6 +65,24 @@ def regulator_gain(
         q: Q, positive semidefinite.
         r: R, positive definite.
     """
+    p = cost_to_go(a, b, q, r)
+    return jnp.linalg.solve(r + b.T @ p @ b, b.T @ p @ a)
+
+
+def cost_to_go(
+    a: Float[Array, "n n"],
+    b: Float[Array, "n m"],
+    q: Float[Array, "n n"],
+    r: Float[Array, "m m"],
+) -> Float[Array, "n n"]:
+    """P of xᵀPx, the cost of all that is to come from x on under the regulator.
+
+    Args:
+        a: A of one step.
+        b: B of one step.
+        q: Q, positive semidefinite.
+        r: R, positive definite.
+    """
     eye = jnp.eye(a.shape[0], dtype=a.dtype)
 
     def double(
@@ -82,7 +100,7 @@ def regulator_gain(
 
     start = a, b @ jnp.linalg.solve(r, b.T), q
     (_, _, p), _ = lax.scan(double, start, length=ROUNDS)
-    return jnp.linalg.solve(r + b.T @ p @ b, b.T @ p @ a)
+    return p
 
 
 def _even(x: jax.Array) -> jax.Array:

@@ -119,7 +119,7 @@ def _add_settings(commands: Any) -> None:
     )
     parser.add_argument(
         "--law",
-        choices=("slocum", "seaglider"),
+        choices=("slocum", "seaglider", "seaexplorer"),
         default="slocum",
         help="law that a list is for; default: slocum",
     )

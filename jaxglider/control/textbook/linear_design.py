@@ -158,18 +158,38 @@ def linear_model(
     return columns[: len(STATES)].T, columns[len(STATES) :].T
 
 
-def designed(
+class ScaledStep(NamedTuple):
+    """One period of the linear model, in the roots of the weights as units.
+
+    So the cost is the sum of all squares, and single precision is enough for a design.
+
+    Attributes:
+        a: A of one period.
+        b: B of one period.
+        states: units of the states over SI ones, one for each.
+        inputs: units of the actuators over SI ones.
+    """
+
+    a: Float[Array, "n n"]
+    b: Float[Array, "n 3"]
+    states: Float[Array, " n"]
+    inputs: Float[Array, " 3"]
+
+    def costs(self) -> tuple[Float[Array, "n n"], Float[Array, "3 3"]]:
+        """Q and R in these units: ones on the diagonal."""
+        dtype = self.a.dtype
+        return jnp.eye(self.states.size, dtype=dtype), jnp.eye(3, dtype=dtype)
+
+
+def scaled_step(
     model: DesignModel,
     trim: Trim,
     period: Scalar,
     weights: StateRow,
     efforts: Command[Scalar],
     integrals: Channels[Scalar] | None = None,
-) -> Command[Row]:
-    """Rows of K about a glide, for a law that runs once in a period.
-
-    States and inputs are scaled by the roots of their weights, so that single precision
-    is enough for it.
+) -> ScaledStep:
+    """The linear model about a glide over one period.
 
     Args:
         model: design model.
@@ -181,19 +201,27 @@ def designed(
     """
     a, b = linear_model(model, trim)
     n = len(STATES)
-    scale = jnp.stack([getattr(weights, name) for name in STATES])
+    scale = jnp.stack(fields_of(weights))
     if integrals is not None:
         pick = jnp.eye(n, dtype=a.dtype)[jnp.asarray([STATES.index(c) for c in _OUT])]
         zero = jnp.zeros((len(_OUT), len(_OUT)), a.dtype)
         a = jnp.block([[a, jnp.zeros((n, len(_OUT)), a.dtype)], [pick, zero]])
         b = jnp.vstack([b, jnp.zeros((len(_OUT), b.shape[1]), b.dtype)])
-        scale = jnp.concatenate([scale, jnp.stack(_fields(integrals))])
-    x, u = jnp.sqrt(scale), jnp.sqrt(jnp.stack(_fields(efforts)))
+        scale = jnp.concatenate([scale, jnp.stack(fields_of(integrals))])
+    x, u = jnp.sqrt(scale), jnp.sqrt(jnp.stack(fields_of(efforts)))
     a, b = x[:, None] * a / x, x[:, None] * b / u
-    step = sampled(a, b, period)
-    eye = jnp.eye(a.shape[0], dtype=a.dtype), jnp.eye(b.shape[1], dtype=b.dtype)
-    gain = regulator_gain(*step, *eye) * x / u[:, None]
-    return Command(*(_row(line, integrals is not None) for line in gain))
+    return ScaledStep(*sampled(a, b, period), x, u)
+
+
+def designed(step: ScaledStep) -> Command[Row]:
+    """Rows of K about a glide, for a law that runs once in a period.
+
+    Args:
+        step: linear model over the period.
+    """
+    gain = regulator_gain(step.a, step.b, *step.costs())
+    gain = gain * step.states / step.inputs[:, None]
+    return Command(*(_row(line, step.states.size > len(STATES)) for line in gain))
 
 
 _OUT = ("depth", "pitch", "heading")
@@ -205,12 +233,13 @@ def _row(line: Array, with_integrals: bool) -> Row:
     return Row(StateRow(*line[:n]), integral)
 
 
-def _fields(thing: Container) -> list[Scalar]:
+def fields_of(thing: Container) -> list[Scalar]:
+    """The numbers of a container in the order of its fields."""
     return [getattr(thing, field.name) for field in dataclasses.fields(thing)]
 
 
 def _dot(first: Container, second: Container) -> Scalar:
     return sum(
-        (x * y for x, y in zip(_fields(first), _fields(second), strict=True)),
-        start=jnp.zeros_like(_fields(first)[0]),
+        (x * y for x, y in zip(fields_of(first), fields_of(second), strict=True)),
+        start=jnp.zeros_like(fields_of(first)[0]),
     )

@@ -5,45 +5,28 @@ equation of the design model about a straight glide, for a law that runs once in
 period. What is tuned are the weights of states and actuators, through the Riccati
 equation. `LQI` has the integrals of the three errors among its states.
 
-x* is the trim of the wanted glide: pitch and heading wanted, no roll, no rate, and the
-velocity of a straight glide; U* its ballast and place of the mass. Errors count up to a
-largest one each, so that the linear law is not asked for what only a small deviation
-would bear; larger ones are not added to their integral.
+x* is the trim of the wanted glide; U* its ballast and place of the mass. Errors beyond
+the largest that counts are not added to their integral. Glides, weights and x − x*
+stand in `regulator`.
 
 Source: N. E. Leonard and J. G. Graver, IEEE Journal of Oceanic Engineering 26 (2001)
-633-645 (LQR about each glide). Assumed: weights on the diagonals only, first ones by
-Bryson's rule, 1 over the square of what is bearable; K does not follow the speed.
+633-645 (LQR about each glide). Assumed: K does not follow the speed.
 """
 
 import dataclasses
-import math
-from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 
-from jaxglider.control import parts
-from jaxglider.control.balance import FLATTEST_PATH, angle_of_attack, wanted_trim
-from jaxglider.control.controller import (
-    AbstractController,
-    ControlRecord,
-    tracking_error,
-)
+from jaxglider.control.balance import wanted_trim
+from jaxglider.control.controller import ControlRecord, tracking_error
 from jaxglider.control.parts import is_due, replaced
-from jaxglider.control.prescribed.funnel import Funnel
 from jaxglider.control.prescribed.performance import Bound
-from jaxglider.control.steering import AbstractSteering
-from jaxglider.control.textbook.linear_design import (
-    Feedback,
-    StateRow,
-    designed,
-    trim_of,
-)
+from jaxglider.control.textbook.linear_design import Feedback, designed
+from jaxglider.control.textbook.regulator import AbstractRegulator
 from jaxglider.core.containers import Scalar
-from jaxglider.core.numerics import saturate, sincos
-from jaxglider.core.rotations import wrap
-from jaxglider.core.sets import POSITIVE, Interval
+from jaxglider.core.numerics import saturate
+from jaxglider.core.sets import POSITIVE
 from jaxglider.signals import (
     Channels,
     Command,
@@ -52,29 +35,11 @@ from jaxglider.signals import (
     map_fields,
     zeros,
 )
-from jaxglider.vehicle.design_model import DesignModel
-
-_SLOPE = Interval(0.1, math.pi / 2)
-
-
-def _weights() -> StateRow:
-    """Q: 0.3 m, 0.3 rad, 0.1 rad, 0.3 rad, 0.1 m/s and 0.1 rad/s are bearable."""
-    bearable = (0.3, 0.3, 0.1, 0.3, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1)
-    return StateRow(*(1.0 / x**2 for x in bearable))
-
-
-def _efforts() -> Command[Scalar]:
-    """R: 0.05 kg, 1 cm and 0.3 rad are."""
-    return Command(1.0 / 0.05**2, 1.0 / 0.01**2, 1.0 / 0.3**2)
 
 
 def _integrals() -> Channels[Scalar]:
     """30 m s, 5 rad s and 20 rad s are."""
     return Channels(1.0 / 30.0**2, 1.0 / 5.0**2, 1.0 / 20.0**2)
-
-
-def _largest() -> Channels[Scalar]:
-    return Channels(1.0, 0.5, 0.4)
 
 
 class RegulatorState(eqx.Module):
@@ -93,84 +58,25 @@ class RegulatorState(eqx.Module):
     command: Command[Scalar]
 
 
-class LQR(AbstractController):
+class LQR(AbstractRegulator):
     """State feedback with least quadratic cost, about a dive and about a climb.
 
     Attributes:
-        model: design model, which trims and K are taken from.
-        funnel: funnel that errors are judged by, or None; the law does not use it.
-        design_pitch: |θ| of the two glides that K is designed about [rad].
-        design_rate: |Z'| of them [m/s].
-        weights: diagonal of Q, 1 over the square of a bearable deviation each.
-        efforts: diagonal of R, likewise [1/kg², 1/m², 1/rad²].
-        largest: error that larger ones count as [m, rad].
-        period: time from one run to the next [s]; not less than the tick, for K is
-            designed for it.
         gain: K, or None to work it out from the weights before the first tick.
 
     Raises:
         ValueError: a number is outside its set.
     """
 
-    model: DesignModel
-    funnel: Funnel | None = eqx.field(default=None, metadata={"tuned": False})
-    design_pitch: Scalar = parts.gain(0.8, "rad", _SLOPE, tuned=False)
-    design_rate: Scalar = parts.gain(0.1, "m_s", POSITIVE, tuned=False)
-    weights: StateRow = eqx.field(default_factory=_weights, metadata={"set": POSITIVE})
-    efforts: Command[Scalar] = eqx.field(
-        default_factory=_efforts, metadata={"set": POSITIVE}
-    )
-    largest: Channels[Scalar] = eqx.field(
-        default_factory=_largest, metadata={"set": POSITIVE, "tuned": False}
-    )
-    period: Scalar = parts.gain(1.0, "s", POSITIVE, tuned=False)
     gain: Feedback | None = eqx.field(default=None, metadata={"tuned": False})
-
-    @classmethod
-    def initial(
-        cls,
-        model: DesignModel,
-        funnel: Funnel | None = None,
-        steering: AbstractSteering | None = None,
-    ) -> "LQR":
-        """The law with weights by Bryson's rule, for the paper's glides.
-
-        Args:
-            model: design model.
-            funnel: funnel that errors are judged by.
-            steering: way to steer; not used, K steers.
-        """
-        return cls(model, funnel)
-
-    def integral_weights(self) -> Channels[Scalar] | None:
-        """Weights of ∫e dt of each channel; None for none."""
-        return None
 
     def feedback(self) -> Feedback:
         """K about the dive and about the climb."""
-        pitch = jnp.stack([-self.design_pitch, self.design_pitch])
-
-        def about(pitch: Scalar) -> Command[Any]:
-            return designed(
-                self.model,
-                trim_of(self.model, pitch, self.design_rate),
-                self.period,
-                self.weights,
-                self.efforts,
-                self.integral_weights(),
-            )
-
-        both = jax.vmap(about)(pitch)
-        dive, climb = (jax.tree.map(lambda x, n=n: x[n], both) for n in (0, 1))
-        return Feedback(dive, climb)
+        return Feedback(*self.of_both(designed))
 
     def on_board(self) -> "LQR":
         """The law with K as it is: no Riccati equation is solved on board."""
         return dataclasses.replace(self, gain=self.feedback())
-
-    def cycle_time(self) -> Scalar:
-        """Time from one run to the next [s]."""
-        return self.period
 
     def init(self) -> RegulatorState:
         """K, and nothing added up."""
@@ -205,7 +111,7 @@ class LQR(AbstractController):
                 counted,
             )
         trim = wanted_trim(self.model, measurement, reference)
-        deviation = self._deviation(measurement, reference, counted)
+        deviation = self.deviation(measurement, reference, counted)
         feedback = state.feedback if self.gain is None else self.gain
         assert feedback is not None  # `init` works it out where none is given.
         climbing = reference.position.pitch > 0.0
@@ -226,33 +132,6 @@ class LQR(AbstractController):
         elapsed = jnp.where(due, 0.0, state.elapsed) + dt
         following = RegulatorState(elapsed, state.feedback, integral, command)
         return command, following, ControlRecord(error, rate)
-
-    def _deviation(
-        self,
-        measurement: Measurement,
-        reference: Reference,
-        error: Channels[Scalar],
-    ) -> StateRow:
-        """x − x*, the errors of the outputs as they count."""
-        s, pitch = measurement.state, reference.position.pitch
-        alpha = angle_of_attack(self.model, pitch)
-        slope = jnp.where(pitch < 0.0, -1.0, 1.0) * jnp.maximum(
-            jnp.abs(pitch - alpha), FLATTEST_PATH
-        )
-        speed = jnp.abs(reference.rate.depth / sincos(slope)[0])
-        sine, cosine = sincos(alpha)
-        return StateRow(
-            error.depth,
-            wrap(s.roll),
-            error.pitch,
-            error.heading,
-            s.surge - speed * cosine,
-            s.sway,
-            s.heave - speed * sine,
-            s.roll_rate,
-            s.pitch_rate,
-            s.yaw_rate,
-        )
 
 
 class LQI(LQR):

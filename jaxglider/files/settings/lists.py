@@ -1,10 +1,10 @@
-"""Name-value lists of an autopilot: a Slocum's sensors, a Seaglider's parameters.
+"""Name-value lists of an autopilot, of a Slocum, a Seaglider or a SeaExplorer.
 
-One name and one number a line, in the form that either vendor's files have them:
-`sensor: u_hd_fin_ap_gain(1/rad) 1.5`, `$HEAD_ERRBAND,10`, or plainly `name value` and
-`name = value`. What stands behind `#`, `%` or `/` is a remark. Names that a law of the
-catalogue has a number for are turned into it and back; all others are handed on as
-unknown. Only names and units are the vendors'; what they mean is in the laws' texts.
+One name and one number a line, in the form that the vendors' files have them:
+`sensor: u_hd_fin_ap_gain(1/rad) 1.5`, `$HEAD_ERRBAND,10`, `heading.pid.kp=0.2`, or
+plainly `name value`. What stands behind `#`, `%` or `/` is a remark. Names that a law
+of the catalogue has a number for are turned into it and back; all others are handed on
+as unknown. Only names and units are the vendors'; what they mean is in the laws' texts.
 """
 
 import dataclasses
@@ -21,7 +21,7 @@ _INCH = 0.0254
 _KG_PER_CC = 1.0275e-3
 """Sea water of 1.0275 g/cm³, for shifts per volume of ballast."""
 _LINE = re.compile(
-    r"^(?:sensor:\s*)?\$?(?P<name>[A-Za-z_]\w*)(?:\([^)]*\))?\s*[\s,=]\s*(?P<value>\S+)"
+    r"^(?:sensor:\s*)?\$?(?P<name>[A-Za-z_][\w.]*)(?:\([^)]*\))?\s*[\s,=]\s*(?P<value>\S+)"
 )
 
 
@@ -72,8 +72,32 @@ SEAGLIDER = {
 }
 """Parameters of a Seaglider that `seaglider` has numbers for."""
 
-KNOWN: dict[str, dict[str, Setting]] = {"slocum": SLOCUM, "seaglider": SEAGLIDER}
+SEAEXPLORER = {
+    "period1": Setting("period_s", 1.0, "s"),
+    "heading.deadzone": Setting("dead_zone_rad", _DEG, "deg"),
+    "heading.pid.kp": Setting("heading_gain", 1.0, "deg/deg"),
+    "heading.pid.ki": Setting("heading_integral_1_s", 1.0, "1/s"),
+    "heading.pid.kd": Setting("heading_rate_s", 1.0, "s"),
+    "heading.pid.il": Setting("integral_limit_rad", _DEG, "deg"),
+    "heading.pid.el": Setting("largest_error_rad", _DEG, "deg"),
+    "heading.pid.hi": Setting("largest_angle_rad", _DEG, "deg"),
+    "heading.pid.lo": Setting("largest_angle_rad", -_DEG, "deg"),
+}
+# Names as in the file that comes with pyglider's example data; units are assumed.
+"""Keys of a SeaExplorer's `sea.cfg` that `seaexplorer` has numbers for."""
+
+KNOWN: dict[str, dict[str, Setting]] = {
+    "slocum": SLOCUM,
+    "seaglider": SEAGLIDER,
+    "seaexplorer": SEAEXPLORER,
+}
 """Names by the law that they are for."""
+_FORMS = {
+    "slocum": "{name} {value:.6g}  # {unit}",
+    "seaglider": "${name},{value:.6g}",
+    "seaexplorer": "{name}={value:.6g}",
+}
+"""A line of the list that each vendor's glider reads."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,9 +122,12 @@ class Settings:
         return {"format": 1, "controller": controller, "observer": {"type": "none"}}
 
     def text(self) -> str:
-        """The list, one name and one number a line."""
-        known = KNOWN[self.law]
-        lines = [f"{n} {x:.6g}  # {known[n].unit}" for n, x in self.values.items()]
+        """The list, one name and one number a line, as the vendor's files have it."""
+        known, form = KNOWN[self.law], _FORMS[self.law]
+        lines = [
+            form.format(name=n, value=x, unit=known[n].unit)
+            for n, x in self.values.items()
+        ]
         return "\n".join(lines) + "\n"
 
 
@@ -109,11 +136,11 @@ def read_settings(path: str | Path, law: str) -> Settings:
 
     Args:
         path: path of the file.
-        law: name of the law that it is for, `slocum` or `seaglider`.
+        law: name of the law that it is for, a key of `KNOWN`.
 
     Raises:
-        ConfigError: the file cannot be read, a value is no number, or no name of the
-            law is in it.
+        ConfigError: the file cannot be read, a value is no number, no name of the law
+            is in it, or two names for one number of the law disagree.
     """
     known, values, unknown = KNOWN[law], {}, []
     try:
@@ -134,7 +161,25 @@ def read_settings(path: str | Path, law: str) -> Settings:
             f"{path} must have a name that {law} has a number for, one of "
             f"{', '.join(known)}; received {', '.join(unknown) or 'none at all'}."
         )
+    _refuse_contradictions(values, known, path)
     return Settings(law, values, tuple(dict.fromkeys(unknown)))
+
+
+def _refuse_contradictions(
+    values: Mapping[str, float], known: Mapping[str, Setting], path: str | Path
+) -> None:
+    """Two names that stand for one number of the law have to agree, as hi and lo."""
+    first: dict[str, str] = {}
+    for name, value in values.items():
+        setting = known[name]
+        other = first.setdefault(setting.key, name)
+        wanted = values[other] * known[other].factor / setting.factor
+        if not math.isclose(value, wanted, rel_tol=1e-9):
+            raise ConfigError(
+                f"{path}: {name} must be {wanted:.6g}, for {other} is "
+                f"{values[other]:.6g} and the law has one number for both; received "
+                f"{value:.6g}."
+            )
 
 
 def settings_of(tables: Mapping[str, Any], source: str) -> Settings:

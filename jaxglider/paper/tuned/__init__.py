@@ -1,8 +1,9 @@
 """Gains tuned by `jaxglider tune` for the paper's cases, as they come with the package.
 
-A folder for each case, in it a file for each plant and controller. Its provenance says
-which command made it; `benchmarks/tuned_gains.py` makes them all again, but for those
-of ADRC and fixed-time backstepping, which `benchmarks/bench_laws.py` made.
+A folder for each case, in it one for each plant, in it a file for each controller. Its
+provenance says which command made it; `benchmarks/tuned_gains.py` makes them all again,
+but for those of ADRC and fixed-time backstepping, which `benchmarks/bench_laws.py`
+made.
 """
 
 from pathlib import Path
@@ -33,7 +34,10 @@ def tuned_gains(scenario: str, plant: str, controller: str) -> Path:
     file = _file(scenario, plant, controller)
     if not file.is_file():
         folder = Path(__file__).parent
-        known = sorted(f"{p.parent.name}-{p.stem}" for p in folder.glob("*/*.toml"))
+        known = sorted(
+            "-".join(p.relative_to(folder).with_suffix("").parts)
+            for p in folder.glob("*/*/*.toml")
+        )
         raise ValueError(
             f"no gains come with jaxglider for {controller} in {scenario} on {plant}; "
             f"there are {', '.join(known)}."
@@ -42,4 +46,4 @@ def tuned_gains(scenario: str, plant: str, controller: str) -> Path:
 
 
 def _file(scenario: str, plant: str, controller: str) -> Path:
-    return Path(__file__).parent / scenario / f"{plant}-{controller}.toml"
+    return Path(__file__).parent / scenario / plant / f"{controller}.toml"
