@@ -17,13 +17,13 @@ from jaxglider.trim.steady_motion import Target, steady_motion
 from jaxglider.vehicle.published import load_vehicle
 from tuning import fit
 from tuning.identification.glider import resized, value_of, with_values
-from tuning.identification.least_squares import (
+from tuning.identification.information.least_squares import (
     Solution,
     soft_l1,
     solve,
     strongest_pairs,
 )
-from tuning.identification.noise import Noise, estimate_noise
+from tuning.identification.information.noise import Noise, estimate_noise
 from tuning.identification.parameters import free_parameters, placed
 from tuning.identification.predict import glide, predict
 from tuning.identification.record.flight_record import FlightRecord, Series

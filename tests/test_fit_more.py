@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from tuning.identification.information.least_squares import solve
 from tuning.identification.information.likelihood import SearchedStage, profiles
 from tuning.identification.information.manoeuvres import SAME, advice, best_of
-from tuning.identification.least_squares import solve
-from tuning.identification.noise import Noise
+from tuning.identification.information.noise import Noise
 from tuning.identification.parameters import FreeParameter
 
 NOISE = {"depth_rate": Noise(0.01, 1.0, 200)}

@@ -9,9 +9,9 @@ import numpy as np
 
 from jaxglider.vehicle.parameters import VehicleData
 from tuning.identification.glider import IdentifiedGlider, with_values
+from tuning.identification.information.least_squares import Solution, joined, solve
 from tuning.identification.information.likelihood import SearchedStage, profiles
 from tuning.identification.information.manoeuvres import Advice, advice
-from tuning.identification.least_squares import Solution, joined, solve
 from tuning.identification.parameters import FreeParameter, free_parameters, placed
 from tuning.identification.record.uniform import Flight
 from tuning.identification.samples import Linearised, chosen_rows, compared
@@ -40,7 +40,7 @@ class Fit:
         solution: coordinates, covariance and noise.
         profiles: ends of the profile's 95 % interval of the numbers told worst, by
             name; NaN for an end that was not found.
-        advice: what further manoeuvres would tell.
+        advice: gain of further manoeuvres, for each number.
         seconds: time that it took [s], compiling included.
     """
 
@@ -86,6 +86,7 @@ def fit_flight(
     before = glider = starting_glider(vehicle, flight, volume)
     held_out = held_out_dives(flight.dives(), split)
     done: list[SearchedStage] = []
+    chosen: list[FreeParameter] = []
     for stage in stages:
         if stage.kind == "closed" and not free:
             offset = balanced_offset(glider, flight)
@@ -97,10 +98,11 @@ def fit_flight(
             continue
         glider = placed(glider, numbers, jnp.asarray(searched.solution.x))
         done.append(searched)
+        chosen += numbers
     plan = Plan(
         kind,
         stages,
-        tuple(p for one in done for p in one.numbers),
+        tuple(chosen),
         fitted_channels(flight, kind, speed),
         split,
         held_out,

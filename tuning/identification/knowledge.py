@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from tuning.identification.fitting import Fit
-from tuning.identification.least_squares import strongest_pairs
+from tuning.identification.information.least_squares import strongest_pairs
 from tuning.identification.record.flight_record import FlightRecord
 from tuning.identification.verdict import Verdict
 

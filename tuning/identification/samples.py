@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from tuning.identification.glider import IdentifiedGlider, with_values
-from tuning.identification.least_squares import Rows
+from tuning.identification.information.least_squares import Rows
 from tuning.identification.parameters import FreeParameter, value_at
 from tuning.identification.predict import predict
 from tuning.identification.record.slopes import slope

@@ -1,1 +1,1 @@
-"""What a mission takes from the sea: places on Earth, courses, and files of water."""
+"""Places on Earth, courses, and files of water that a mission names."""

@@ -55,7 +55,7 @@ def read_waypoints(path: Path) -> list[Place]:
 
 
 class _Unreadable(ValueError):
-    """What is wrong with the text of a course file."""
+    """Text of a course file that cannot be read."""
 
 
 def _number(text: Any, what: str) -> float:

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from jaxglider.control.observer import NoObserver
-from jaxglider.files.flight.og1 import identifier, write_og1
-from jaxglider.files.flight.og1_variables import refuse_nowhere
 from jaxglider.files.mission import Mission, load_mission
+from jaxglider.files.records.og1 import identifier, write_og1
+from jaxglider.files.records.og1_variables import refuse_nowhere
 from jaxglider.files.writing import provenance
 from jaxglider.onboard.guard import status_names
 from jaxglider.onboard.pipe import ChildProcess, PipeController

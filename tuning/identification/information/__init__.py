@@ -1,1 +1,1 @@
-"""What a record tells beyond Fisher intervals, and what would tell more."""
+"""Least squares, what they tell of each number, and what would tell more."""

@@ -8,23 +8,34 @@ Source: Raue et al., Bioinformatics 25 (2009) 1923-1929.
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
-from tuning.identification.least_squares import (
+from tuning.identification.information.least_squares import (
     Rows,
     Solution,
     loss_of,
     remembered,
     search,
 )
-from tuning.identification.parameters import FreeParameter
 
 RISE = 3.841459
 """Rise of twice the loss at the ends of a 95 % interval."""
 FARTHEST = 4.0
 """Distance from the fitted value [prior deviations] beyond which nobody looks."""
 _TRIES = 3
+
+
+class Number(Protocol):
+    """A free number of a fit."""
+
+    @property
+    def name(self) -> str:
+        """Name of the number."""
+
+    def value(self, x: Any) -> Any:
+        """The number from its coordinate."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,7 +49,7 @@ class SearchedStage:
         solution: solution of the stage.
     """
 
-    numbers: tuple[FreeParameter, ...]
+    numbers: tuple[Number, ...]
     model: Callable[[np.ndarray], tuple[Rows, Rows]]
     measured: Rows
     solution: Solution

@@ -1,4 +1,4 @@
-"""What to fly to learn more: the manoeuvre that would narrow each interval most.
+"""Manoeuvres to learn more by: the one that would narrow each interval most.
 
 The fitted glider is flown once more through the record's dives, changed in one way: the
 Fisher information of that flight, with the noise that the record showed, is added to
@@ -7,24 +7,25 @@ that of the record, and the interval of each number follows.
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from tuning.identification.information.least_squares import information
 from tuning.identification.information.likelihood import SearchedStage
-from tuning.identification.least_squares import information
-from tuning.identification.windows import Windows
 
-Change = Callable[[Windows], Windows]
+Change = Callable[[Any], Any]
+"""Change of the inputs of a simulation, `Windows`."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Advice:
-    """How much narrower the intervals would be after a manoeuvre.
+    """Gain of a manoeuvre: how much narrower the intervals would be after it.
 
     Attributes:
-        manoeuvre: what is flown, in words.
+        manoeuvre: manoeuvre, in words.
         shares: standard deviation after it over that before it, by number.
     """
 
@@ -38,7 +39,7 @@ def _about_middle(values: jax.Array, factor: float) -> jax.Array:
 
 
 def _pitched(factor: float) -> Change:
-    def change(w: Windows) -> Windows:
+    def change(w: Any) -> Any:
         return dataclasses.replace(
             w,
             pitch=jnp.clip(factor * w.pitch, -1.2, 1.2),
@@ -50,17 +51,17 @@ def _pitched(factor: float) -> Change:
 
 
 def _ballasted(factor: float) -> Change:
-    def change(w: Windows) -> Windows:
+    def change(w: Any) -> Any:
         return dataclasses.replace(w, ballast=_about_middle(w.ballast, factor))
 
     return change
 
 
-def _rolled(w: Windows) -> Windows:
+def _rolled(w: Any) -> Any:
     return dataclasses.replace(w, mass_angle=1.5 * w.mass_angle)
 
 
-def _deeper(w: Windows) -> Windows:
+def _deeper(w: Any) -> Any:
     return dataclasses.replace(w, pressure=3.0 * w.pressure)
 
 
@@ -76,7 +77,7 @@ MANOEUVRES: dict[str, Change] = {
 
 
 def advice(stages: Sequence[SearchedStage]) -> tuple[Advice, ...]:
-    """What each manoeuvre would do to the intervals.
+    """Effect of each manoeuvre on the intervals.
 
     Args:
         stages: stages of the fit.

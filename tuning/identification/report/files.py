@@ -12,8 +12,8 @@ from jaxglider.vehicle.parameters import GliderParameters, VehicleData
 from jaxglider.vehicle.published import key_units, vehicle_text
 from tuning.identification.fitting import Fit
 from tuning.identification.glider import PLACES, value_of
+from tuning.identification.information.least_squares import correlations
 from tuning.identification.knowledge import Estimate, estimates
-from tuning.identification.least_squares import correlations
 from tuning.identification.report.mission import mission_toml, water_csv
 
 

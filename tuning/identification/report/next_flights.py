@@ -1,4 +1,4 @@
-"""What to fly to learn the rest: a section of the report, and a line for a terminal."""
+"""Manoeuvres to learn the rest by: a section of the report, lines for a terminal."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -38,7 +38,7 @@ def flights_section(content: Mapping[str, Any]) -> list[str]:
 
 
 def flights_text(content: Mapping[str, Any]) -> list[str]:
-    """What to fly to learn the numbers that the record does not tell.
+    """Manoeuvres by which to learn the numbers that the record does not tell.
 
     Args:
         content: numbers and sentences of a fit.

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from tuning.identification.fitting import Fit
+from tuning.identification.information.least_squares import correlations
 from tuning.identification.knowledge import Estimate, estimates
-from tuning.identification.least_squares import correlations
 from tuning.identification.report.next_flights import flights_section, flights_text
 from tuning.identification.verdict import CHANNEL_UNITS, Score, Verdict
 from tuning.reporting.statistics import plain

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import OptimizeResult, least_squares
 
-from tuning.identification.noise import FIRST, Noise, estimate_noise
+from tuning.identification.information.noise import FIRST, Noise, estimate_noise
 
 Rows = Mapping[str, np.ndarray]
 """Numbers by channel, one row each; a Jacobian has a column for each free number."""

@@ -14,7 +14,7 @@ from typing import Any
 import netCDF4
 import numpy as np
 
-from jaxglider.files.flight.og1_variables import (
+from jaxglider.files.records.og1_variables import (
     EPOCH,
     VARIABLES,
     Variable,

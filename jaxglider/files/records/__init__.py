@@ -1,0 +1,1 @@
+"""Flights written as the records of real gliders are."""
