@@ -1,5 +1,7 @@
 """Orders of a yo mission in each phase: what its plan sets whatever the law wants."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
@@ -44,7 +46,27 @@ def orders_of(plan: YoSettings, state: YoState) -> Orders:
         up,
         down if inflection.buoyancy_mass is None else inflection.buoyancy_mass,
     )
-    return Orders(ballast, settled, waits, phase, state.status, steering)
+    limit = _steering_limit(plan, state)
+    return Orders(ballast, settled, waits, phase, state.status, steering, limit)
+
+
+def _steering_limit(plan: YoSettings, state: YoState) -> Scalar | None:
+    """Largest angle of the mass or the fin for now [rad]; None if never limited.
+
+    A half counts from its inflection on: while it has to wait, nobody steers.
+    """
+    dive, climb = plan.dive, plan.climb
+    limits = (None, dive, plan.apogee, climb, plan.inflection)
+    given: list[Any] = [getattr(of, "steering_limit", None) for of in limits]
+    waits = [half.steering_wait for half in (dive, climb)]
+    if all(value is None for value in (*given, *waits)):
+        return None
+    free = jnp.full_like(state.depth, jnp.inf)
+    limit = by_phase(state.phase, *(free if x is None else x for x in given))
+    down, up = (0.0 if wait is None else wait for wait in waits)
+    never = jnp.zeros_like(state.depth)
+    wait = by_phase(state.phase, never, never + down, never + up, never + up, down)
+    return jnp.where(state.half < wait, never, limit)
 
 
 def _while_turning(turning: Turning, before: Scalar, after: Scalar) -> Scalar:
