@@ -173,6 +173,8 @@ class Orders(eqx.Module):
         phase: number of the phase of the yo, an index of `guidance.phases.PHASES`.
         status: end of the mission, an index of `guidance.phases.STATUSES`.
         steering: mass or fin angle ordered in place of the law's [rad], or None.
+        steering_limit: largest modulus of that angle for now [rad], infinite for none;
+            None where the plan never limits it.
     """
 
     buoyancy_mass: Scalar
@@ -181,6 +183,7 @@ class Orders(eqx.Module):
     phase: jax.Array
     status: jax.Array
     steering: Scalar | None = None
+    steering_limit: Scalar | None = None
 
 
 class Reference(eqx.Module):

@@ -5,20 +5,38 @@ of the Seaglider of five dives of number 167 to 990 m. Tolerances stand with the
 """
 
 import dataclasses
+import itertools
 import json
 import math
+import re
 import tomllib
 
 import equinox as eqx
 import jax
+import netCDF4
 import numpy as np
 import pytest
 import tomli_w
 
+from jaxglider import paper
 from jaxglider.export.plant import PlantState, drift, truth_of
+from jaxglider.files.flight.flight_variables import HALVES
 from jaxglider.files.flight.missions import mission_names, mission_path
+from jaxglider.files.gains import load_gains
 from jaxglider.files.mission import load_mission
-from jaxglider.guidance.phases import APOGEE, STATUSES, SURFACE
+from jaxglider.files.results import write_trajectories
+from jaxglider.guidance.phases import (
+    APOGEE,
+    CLIMB,
+    DIVE,
+    INFLECTION,
+    PHASES,
+    STATUSES,
+    SURFACE,
+)
+from jaxglider.paper.tuned import tuned_gains
+from jaxglider.plotting.flight import dive_spans, energy, save_dives
+from jaxglider.plotting.style import new_figure
 from jaxglider.signals import BodyAxes, Channels, Command, GliderState, zeros
 from jaxglider.simulation.flight import halves
 from jaxglider.simulation.motion import integrate, integrate_moving
@@ -343,10 +361,108 @@ def test_missions_are_listed_and_named(capsys):
     assert main(["validate", "seawing-spiral"]) == 0
     assert "seawing-spiral, slocum" in capsys.readouterr().out
     assert main(["missions", "--show", "slocum"]) == 2
-    assert "must be one of seaglider-990" in capsys.readouterr().err
+    assert (
+        "must be one of paper-switching, paper-waypoints, seaglider-990"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_mission_of_no_such_name_is_refused_with_the_nearest(capsys):
     with pytest.raises(SystemExit):
         main(["simulate", "--mission", "slocum-shalow"])
     assert "did you mean slocum-shallow?" in capsys.readouterr().err
+
+
+def test_a_file_holds_phases_energy_and_every_dive_with_units(shallow, tmp_path):
+    path = tmp_path / "yos.nc"
+    write_trajectories(path, {"yos": shallow}, {"created": "now"})
+    active = np.asarray(shallow.ticks.active)
+    with netCDF4.Dataset(path) as file:
+        assert file["phase"].flag_meanings == " ".join(PHASES)
+        told = np.ma.filled(file["phase"][0], -1)
+        np.testing.assert_array_equal(
+            told, np.where(active, np.asarray(shallow.ticks.phase), -1)
+        )
+        assert file["pump_energy"].units == "J"
+        np.testing.assert_array_equal(
+            file["pump_energy"][0][active],
+            np.asarray(shallow.ticks.energy.pump)[active],
+        )
+        meanings = file["status"].flag_meanings.split()
+        assert meanings[int(file["status"][0])] == "completed"
+        flight = shallow.metrics.flight
+        assert file["flight_energy_pump"][0] == pytest.approx(float(flight.energy.pump))
+        assert file["flight_moves_mass_angle"][0] == float(flight.moves.mass_angle)
+        assert file["flight_energy_per_made_good"].units == "J m-1"
+        rows = halves(shallow)
+        assert len(file.dimensions["half"]) == len(rows)
+        assert [HALVES[n] for n in file["half_kind"][0]] == [r["half"] for r in rows]
+        for key, name, unit in (
+            ("duration_s", "half_duration", "s"),
+            ("depth_rate_m_s", "half_depth_rate", "m s-1"),
+            ("hotel_energy_J", "half_hotel_energy", "J"),
+            ("mass_angle_moves", "half_mass_angle_moves", "1"),
+        ):
+            assert file[name].units == unit
+            np.testing.assert_allclose(file[name][0], [row[key] for row in rows])
+
+
+def test_halves_share_the_energy_and_the_way_of_the_flight(shallow):
+    rows, flight = halves(shallow), shallow.metrics.flight
+    for name, spent in vars(flight.energy).items():
+        parts = [row[f"{name}_energy_J"] for row in rows]
+        # The rest is spent at the surface, before the first dive and after the last.
+        left = float(spent) - sum(parts)
+        assert left == pytest.approx(0.0, abs=1e-6) or name not in ("steering", "hotel")
+        assert left >= -1e-6
+    for row in rows:
+        parts = [row[f"{name}_energy_J"] for name in vars(flight.energy)]
+        assert row["energy_J"] == pytest.approx(sum(parts))
+        # The path is as steep as the pitch and the angle of attack together.
+        steep = abs(row["depth_rate_m_s"]) * row["duration_s"] / row["made_good_m"]
+        assert 20.0 < math.degrees(math.atan(steep)) < 30.0
+    travel = sum(row["mass_angle_travel_rad"] for row in rows)
+    assert travel == pytest.approx(float(flight.travel.mass_angle), rel=0.05)
+
+
+@pytest.mark.parametrize("case", ["switching", "waypoints"])
+def test_the_papers_cases_ship_on_actuators_that_have_a_speed(case):
+    mission = load_mission(mission_path(f"paper-{case}"))
+    scenario, own = mission.loop.scenario, paper.make_scenario(case, "seawing")
+    assert float(scenario.actuators.mass_position.rate_limit) == 0.005
+    leaves = [
+        jax.tree.leaves(dataclasses.replace(one, energy=None))
+        for one in (scenario, own)
+    ]
+    for a, b in zip(*leaves, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-9)
+    gains = tuned_gains(case, "seawing", "fxtppc")
+    tuned = load_gains(gains, case, mission.model)
+    assert mission.law.controller == tuned.controller
+
+
+def test_each_dive_has_a_page_from_one_inflection_at_the_top_to_the_next(
+    slocum, shallow, tmp_path
+):
+    spans, phase = dive_spans(shallow), np.asarray(shallow.ticks.phase)
+    assert len(spans) == 5
+    for before, after in itertools.pairwise(spans):
+        assert before.stop == after.start
+    for span in spans:
+        assert phase[span.start] == INFLECTION
+        assert phase[span.start - 1] in (SURFACE, CLIMB)
+        assert set(phase[span]) == {INFLECTION, DIVE, APOGEE, CLIMB}
+    assert phase[spans[-1].stop] == SURFACE
+    few = jax.tree.map(lambda x: np.asarray(x)[: spans[1].stop + 1], shallow.ticks)
+    run = dataclasses.replace(shallow, ticks=few)
+    path = tmp_path / "dives.pdf"
+    assert save_dives(path, run, slocum.scenario.actuators, "two") == 2
+    assert len(re.findall(rb"/Type /Page\b", path.read_bytes())) == 2
+
+
+def test_the_figure_of_energy_ends_with_what_was_spent(shallow):
+    axis = new_figure(3.0, 3.0).subplots()
+    energy(axis, shallow)
+    paths = [path for part in axis.collections for path in part.get_paths()]
+    top = max(path.vertices[:, 1].max() for path in paths)
+    assert top == pytest.approx(float(shallow.metrics.flight.total_energy) / 1e3)

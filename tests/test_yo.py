@@ -1,5 +1,7 @@
 """Yos: phases against a second implementation, orders, endings, and the flights."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,6 +9,7 @@ import pytest
 from yo_oracle import Pilot
 
 from jaxglider.guidance import AttitudeSchedule, Schedule, Yo
+from jaxglider.guidance.obedience import obeyed
 from jaxglider.guidance.phases import (
     PHASES,
     STATUSES,
@@ -16,22 +19,31 @@ from jaxglider.guidance.phases import (
     Turning,
 )
 from jaxglider.guidance.settings import YoSettings
-from jaxglider.signals import BodyAxes, Command, GliderState, Measurement, zeros
+from jaxglider.signals import (
+    BodyAxes,
+    Channels,
+    Command,
+    GliderState,
+    Measurement,
+    Orders,
+    Reference,
+    zeros,
+)
 
 TICKS, DT = 260, 4.0
 VARIANTS = (
-    # orders at the bottom and the top, ballast between, looks within a half
-    ("pump", "mass", None, None),
-    ("mass", "pump", None, 60.0),
-    ("together", "together", 0.02, None),
-    ("pump", "together", None, 40.0),
+    # orders at bottom and top, ballast between, looks within a half, limited steering
+    ("pump", "mass", None, None, True),
+    ("mass", "pump", None, 60.0, False),
+    ("together", "together", 0.02, None, True),
+    ("pump", "together", None, 40.0, False),
 )
 EACH = 250
 
 
 def plans(rng, variant):
     """Settings of random missions, as the oracle has them."""
-    bottom, top, between, looks = variant
+    bottom, top, between, looks, limited = variant
     for _ in range(EACH):
         yield {
             "dive_kg": rng.uniform(0.1, 0.3),
@@ -67,6 +79,12 @@ def plans(rng, variant):
             "early_most": rng.uniform(0.1, 3.0),
             "yos": 4,
             "duration": rng.uniform(300.0, 2000.0),
+            "dive_steering": rng.uniform(0.0, 1.0) if limited else None,
+            "climb_steering": None,
+            "bottom_steering": 0.0 if limited else None,
+            "top_steering": rng.uniform(0.0, 1.0) if limited else None,
+            "dive_wait": rng.uniform(0.0, 60.0) if limited else None,
+            "climb_wait": rng.uniform(0.0, 60.0) if limited else None,
         }
 
 
@@ -82,6 +100,8 @@ def reference(p):
             adjust_every=p[f"{name}_looks"],
             ballast_gain=p["gain"],
             largest=p["largest"],
+            steering_limit=p[f"{name}_steering"],
+            steering_wait=p[f"{name}_wait"],
         )
 
     settings = YoSettings(
@@ -92,9 +112,17 @@ def reference(p):
         altitude=p["altitude"],
         altimeter_range=p["altimeter_range"],
         apogee=Turning(
-            p["bottom_order"], p["bottom_longest"], buoyancy_mass=p["bottom_kg"]
+            p["bottom_order"],
+            p["bottom_longest"],
+            buoyancy_mass=p["bottom_kg"],
+            steering_limit=p["bottom_steering"],
         ),
-        inflection=Turning(p["top_order"], p["top_longest"], buoyancy_mass=p["top_kg"]),
+        inflection=Turning(
+            p["top_order"],
+            p["top_longest"],
+            buoyancy_mass=p["top_kg"],
+            steering_limit=p["top_steering"],
+        ),
         surface=SurfaceStay(
             p["surface_depth"],
             p["stay"],
@@ -152,7 +180,7 @@ def moved(world, depth, pump, ordered):
 def flown_by_the_oracle(plan, world):
     pilot, depth, pump, rows = Pilot(plan, 0.0), 0.0, 0.0, []
     for n in range(TICKS):
-        phase, status, ballast, held = pilot.tick(
+        phase, status, ballast, held, limit = pilot.tick(
             n * DT,
             DT,
             depth + world["error"][n],
@@ -161,7 +189,7 @@ def flown_by_the_oracle(plan, world):
             pump,
             world["mass"][n],
         )
-        rows.append((phase, status, held, ballast))
+        rows.append((phase, status, held, ballast, limit))
         depth, pump = moved(world, depth, pump, ballast)
     return rows
 
@@ -186,7 +214,8 @@ def flown_by_the_reference(plan, world):
         aim, state = yo.step(state, planned, measurement, jnp.asarray(DT))
         o = aim.orders
         depth, pump = moved(world, depth, pump, o.buoyancy_mass)
-        row = o.phase, o.status, o.mass_held, o.buoyancy_mass
+        limit = jnp.inf if o.steering_limit is None else o.steering_limit
+        row = o.phase, o.status, o.mass_held, o.buoyancy_mass, limit
         return (state, depth, pump, n + 1.0), row
 
     zero = jnp.zeros(())
@@ -217,7 +246,8 @@ def test_phases_are_those_of_a_second_implementation(variant):
             np.testing.assert_array_equal(
                 found[k][n], [row[k] for row in rows], err_msg=f"mission {n}: {name}"
             )
-        np.testing.assert_allclose(found[3][n], [r[3] for r in rows], atol=1e-12)
+        for k in (3, 4):
+            np.testing.assert_allclose(found[k][n], [r[k] for r in rows], atol=1e-12)
         seen |= {PHASES[row[0]] for row in rows} | {STATUSES[rows[-1][1]]}
     assert set(PHASES) <= seen
     ends = {"under way", "completed", "bottom", "hover", "stall", "battery empty"}
@@ -233,9 +263,29 @@ def test_phases_are_those_of_a_second_implementation(variant):
         ({"bottom_order": "first"}, "Turning.order"),
         ({"hover_time": 0.0}, "hover_time"),
         ({"stay": -1.0}, "duration"),
+        ({"dive_wait": -1.0}, "steering_wait"),
+        ({"top_steering": -0.1}, "steering_limit"),
     ],
 )
 def test_settings_out_of_range_are_refused_by_name(change, rule):
     plan = next(plans(np.random.default_rng(0), VARIANTS[0])) | {"top": 3.0}
     with pytest.raises(ValueError, match=rule):
         reference(plan | change)
+
+
+def test_a_law_steers_no_farther_than_its_plan_lets_it():
+    wanted, held = Command(0.1, 0.02, -0.4), Command(0.0, 0.0, 0.1)
+    one, none = jnp.asarray(1.0), jnp.asarray(0)
+    orders = Orders(0.2 * one, 0.2 * one, jnp.asarray(False), none, none)
+
+    def angle(**changes):
+        changes = {name: value * one for name, value in changes.items()}
+        still = Channels(one, one, one)
+        aim = Reference(still, still, still, one, none, jnp.asarray(False))
+        aim = dataclasses.replace(aim, orders=dataclasses.replace(orders, **changes))
+        return float(obeyed(wanted, aim, held).mass_angle)
+
+    assert angle() == angle(steering_limit=jnp.inf) == -0.4
+    assert angle(steering_limit=0.25) == -0.25
+    assert angle(steering_limit=0.0) == 0.0
+    assert angle(steering=0.3, steering_limit=0.25) == 0.25

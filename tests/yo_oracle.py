@@ -27,7 +27,7 @@ class Pilot:
         self.was = (0.0, 0.0)
 
     def tick(self, time, dt, depth, altitude, charge, pump, mass):
-        """Orders of a tick: phase, status, ballast and whether the mass waits."""
+        """Orders of a tick: phase, status, ballast, a waiting mass, steering limit."""
         self.listen(depth, dt)
         self.count(dt)
         self.judge(altitude, charge)
@@ -104,7 +104,7 @@ class Pilot:
             if self.wants_up(time):
                 if z <= plan["surface_depth"]:
                     self.go(SURFACE)
-                    self.yos_at_surfacing = self.yos - 1
+                    self.yos_at_surfacing = self.yos
             elif z <= plan["top"] + early:
                 self.go(INFLECTION)
 
@@ -179,4 +179,21 @@ class Pilot:
         held = (self.phase == APOGEE and plan["bottom_order"] == "pump") or (
             self.phase == INFLECTION and plan["top_order"] == "pump"
         )
-        return self.phase, self.status, ballast, held
+        return self.phase, self.status, ballast, held, self.steering_limit()
+
+    def steering_limit(self):
+        plan = self.plan
+        if plan["dive_wait"] is None:
+            return math.inf
+        if self.phase in (CLIMB, APOGEE) and self.in_half < plan["climb_wait"]:
+            return 0.0
+        if self.phase in (DIVE, INFLECTION) and self.in_half < plan["dive_wait"]:
+            return 0.0
+        names = {
+            DIVE: "dive_steering",
+            APOGEE: "bottom_steering",
+            CLIMB: "climb_steering",
+            INFLECTION: "top_steering",
+        }
+        limit = plan[names[self.phase]] if self.phase in names else None
+        return math.inf if limit is None else limit

@@ -1,9 +1,15 @@
-"""Remarks on a mission that can be flown: what is hardly meant so, or not its own."""
+"""Remarks on a mission that can be flown: what is hardly meant so, or not its own.
+
+What is not its own is the paper's: the case that it is nearest to, and the gains tuned
+for that.
+"""
 
 import math
 from typing import Any
 
 from jaxglider import paper
+from jaxglider.core.toml import ConfigError
+from jaxglider.paper.tuned import tuned_gains
 from jaxglider.signals import COMMAND_UNITS, Command
 from jaxglider.vehicle.parameters import VehicleData
 
@@ -17,6 +23,47 @@ _OF_THE_PAPER = {
     "clock": "800 s in ticks of 0.05 s",
 }
 """The stand-ins for tables that are left out, from the paper's cases."""
+
+TUNED = "tuned"
+"""Word for the gains that come along, in place of the path of a gains file."""
+
+
+def case_of(data: dict[str, Any]) -> str:
+    """The case of the paper that a mission takes what it leaves out from.
+
+    Args:
+        data: tables of a mission file.
+    """
+    task = data.get("reference", {})
+    kind = task.get("type", "schedule") if isinstance(task, dict) else ""
+    yo_route = kind == "yo" and task.get("waypoints") is not None
+    return paper_case(kind == "waypoints" or yo_route)
+
+
+def paper_case(has_waypoints: bool) -> str:
+    """The case of the paper whose gains and funnel a task is given by default."""
+    return "waypoints" if has_waypoints else "switching"
+
+
+def with_tuned_gains(data: dict[str, Any]) -> dict[str, Any]:
+    """A mission's tables with the file of gains that the word `tuned` stands for.
+
+    Args:
+        data: tables of a mission file.
+
+    Raises:
+        ConfigError: no gains come along for this law, case and plant.
+    """
+    controller, vehicle = data.get("controller", {}), data.get("vehicle", {})
+    if not isinstance(controller, dict) or controller.get("gains_file") != TUNED:
+        return data
+    plant = vehicle.get("plant", "printed") if isinstance(vehicle, dict) else ""
+    kind = str(controller.get("type", "fxtppc"))
+    try:
+        file = tuned_gains(case_of(data), str(plant), kind)
+    except ValueError as error:
+        raise ConfigError(f"controller.gains_file: {error}") from error
+    return data | {"controller": controller | {"gains_file": str(file)}}
 
 
 def course_remarks(data: dict[str, Any]) -> tuple[str, ...]:

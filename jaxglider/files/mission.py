@@ -17,9 +17,11 @@ from jaxglider.control import Funnel
 from jaxglider.core.toml import ConfigError, TomlTable, choice, read_toml
 from jaxglider.files.codec import decode
 from jaxglider.files.course_remarks import (
+    case_of,
     course_remarks,
     stand_ins,
     vehicle_remarks,
+    with_tuned_gains,
 )
 from jaxglider.files.file_kinds import refuse_other_kind
 from jaxglider.files.flight.sensor_tables import read_reckoning, read_sensors
@@ -127,15 +129,13 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
         ConfigError: names the key, the rule and the value.
     """
     refuse_other_kind(data, "mission")
-    data = with_sea_inside(data, folder)
+    data = with_tuned_gains(with_sea_inside(data, folder))
     top = TomlTable(data, "")
     name, seed = top.text("name", "mission"), top.whole("seed", 0)
     if not 0 <= seed < SEEDS:
         raise ConfigError(f"seed must be in [0, {SEEDS}); received {seed}.")
     vehicle, plant_name, plant, model = _glider(top.table("vehicle"), folder)
-    task = top.table("reference")
-    yo_route = task.get("type", "") == "yo" and task.get("waypoints", None) is not None
-    case = paper_case(task.text("type", "schedule") == "waypoints" or yo_route)
+    task, case = top.table("reference"), case_of(data)
     prescribed = _specification(top, case, plant)
     law = _law(top.get("controller", {}), model, case, prescribed.funnel, folder)
     start = top.table("initial_state")
@@ -207,11 +207,6 @@ def _glider(
         raise ConfigError(f"vehicle.design_factor: {error}") from error
 
 
-def paper_case(has_waypoints: bool) -> str:
-    """The case of the paper whose gains and funnel a task is given by default."""
-    return "waypoints" if has_waypoints else "switching"
-
-
 def self_contained(path: str | Path) -> dict[str, Any]:
     """A mission file's tables with the files it names put in their places.
 
@@ -221,7 +216,7 @@ def self_contained(path: str | Path) -> dict[str, Any]:
         ConfigError: a file cannot be read.
     """
     folder = Path(path).parent
-    data = with_sea_inside(read_toml(path), folder)
+    data = with_tuned_gains(with_sea_inside(read_toml(path), folder))
     vehicle, controller = data.get("vehicle"), data.get("controller")
     if isinstance(vehicle, dict):
         file = vehicle.get("data")

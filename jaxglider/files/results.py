@@ -14,6 +14,11 @@ import equinox as eqx
 import netCDF4
 import numpy as np
 
+from jaxglider.files.flight.flight_variables import (
+    FLIGHT_UNITS,
+    energy_variables,
+    write_flights,
+)
 from jaxglider.files.writing import replacing
 from jaxglider.guidance.phases import STATUSES
 from jaxglider.navigation.errors import NavigationMetrics
@@ -121,16 +126,6 @@ NAVIGATION_UNITS = {
     **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), "rad_s"),
 }
 """Units at the end of the keys of the errors of navigation."""
-FLIGHT_UNITS = {
-    **dict.fromkeys(("energy", "total_energy"), "J"),
-    **dict.fromkeys(("energy_per_made_good", "energy_per_through_water"), "J_m"),
-    **dict.fromkeys(("made_good", "through_water", "overshoot"), "m"),
-    **dict.fromkeys(("dive_time", "climb_time", "surface_time"), "s"),
-    **dict.fromkeys(("pitch_error", "heading_error"), "rad"),
-    "depth_rate": "m_s",
-    "pushed": "kg",
-}
-"""Units at the end of the keys of the measures of a flight."""
 
 
 def json_number(value: Any) -> Any:
@@ -168,7 +163,8 @@ def write_trajectories(
     in the sense of these conventions, which ask for latitude and longitude.
 
     Runs of different length are padded with the fill value, and so are the ticks after
-    a mission has ended.
+    a mission has ended. Flights of yos have their phases, their measures and those of
+    each dive and climb besides.
 
     Args:
         path: path of the file.
@@ -202,9 +198,11 @@ def write_trajectories(
         time.comment = f"a simulation has no date: {_EPOCH} stands for its start"
         time[:] = np.asarray(longest.ticks.time)
         known = all(run.ticks.onboard is not None for run in runs.values())
-        for name, units, text, where in variables(known):
+        counted = all(run.ticks.energy is not None for run in runs.values())
+        for name, units, text, where in variables(known, counted):
             columns = [column(run.ticks, where) for run in runs.values()]
             _write_variable(file, name, units, text, columns)
+        write_flights(file, list(runs.values()))
 
 
 def _write_variable(
@@ -224,8 +222,15 @@ def _write_variable(
         variable[row, : len(values)] = np.asarray(values)
 
 
-def variables(onboard: bool = False) -> Iterator[tuple[str, str, str, str]]:
-    """Name, unit, description and path in a tick of each variable in the file."""
+def variables(
+    onboard: bool = False, energy: bool = False
+) -> Iterator[tuple[str, str, str, str]]:
+    """Name, unit, description and path in a tick of each variable in the file.
+
+    Args:
+        onboard: flag, what is known on board was recorded.
+        energy: flag, energy was counted.
+    """
     for name, (units, text) in _STATE.items():
         yield name, units, text, f"state.{name}"
     for name, units in CHANNEL_UNITS.items():
@@ -270,6 +275,8 @@ def variables(onboard: bool = False) -> Iterator[tuple[str, str, str, str]]:
             yield f"current_{name}", "m s-1", text, f"onboard.current.{number}"
             text = f"fix {name} by satellite"
             yield f"fix_{name}", "m", text, f"onboard.fix.{number}"
+    if energy:
+        yield from energy_variables()
     yield "target", "1", "waypoint or segment being followed", "target"
     yield "clock", "s", "time since the funnel was restarted", "clock"
 

@@ -39,8 +39,11 @@ def obeyed(
     orders = reference.orders
     if orders is None:
         return wanted
+    angle = wanted.mass_angle if orders.steering is None else orders.steering
+    if orders.steering_limit is not None:
+        angle = jnp.clip(angle, -orders.steering_limit, orders.steering_limit)
     return Command(
         orders.buoyancy_mass,
         jnp.where(orders.mass_held, held.mass_position, wanted.mass_position),
-        wanted.mass_angle if orders.steering is None else orders.steering,
+        angle,
     )

@@ -68,6 +68,9 @@ class HalfYo(Container):
         depth_rate_band: missing depth rate that is borne then [m/s].
         ballast_gain: ballast per missing depth rate [kg s/m].
         largest: largest modulus of the ballast [kg] that this may lead to.
+        steering_limit: largest angle of the mass or the fin on this half [rad]; None
+            for what the actuator can do.
+        steering_wait: time from the inflection on in which nobody steers [s].
 
     Raises:
         ValueError: the angle is not within ±90°, or a number is negative.
@@ -81,13 +84,21 @@ class HalfYo(Container):
     depth_rate_band: Scalar = eqx.field(converter=as_float, default=0.005)
     ballast_gain: Scalar = eqx.field(converter=as_float, default=2.0)
     largest: Scalar = eqx.field(converter=as_float, default=1.0)
+    steering_limit: Scalar | None = eqx.field(converter=as_float, default=None)
+    steering_wait: Scalar | None = eqx.field(converter=as_float, default=None)
 
     def __check_init__(self) -> None:
         half_turn = 0.5 * math.pi
         check_interval("HalfYo", "angle", self.angle, -half_turn, half_turn)
         for name in ("depth_rate", "adjust_every"):
             check_interval("HalfYo", name, getattr(self, name), 0.0)
-        for name in ("ballast_gain", "largest", "depth_rate_band"):
+        for name in (
+            "ballast_gain",
+            "largest",
+            "depth_rate_band",
+            "steering_limit",
+            "steering_wait",
+        ):
             check_interval("HalfYo", name, getattr(self, name), 0.0, closed_low=True)
 
 
@@ -101,19 +112,26 @@ class Turning(Container):
         angle: pitch wanted while the first one moves [rad]; None for that of the next
             half.
         buoyancy_mass: ballast meanwhile [kg]; None for that of the next half.
+        steering_limit: largest angle of the mass or the fin meanwhile [rad]; None for
+            what the actuator can do.
 
     Raises:
-        ValueError: the order is unknown, or the time is not positive.
+        ValueError: the order is unknown, the time is not positive, or the limit is
+            negative.
     """
 
     order: str = eqx.field(static=True, default="together")
     longest: Scalar = eqx.field(converter=as_float, default=900.0)
     angle: Scalar | None = eqx.field(converter=as_float, default=None)
     buoyancy_mass: Scalar | None = eqx.field(converter=as_float, default=None)
+    steering_limit: Scalar | None = eqx.field(converter=as_float, default=None)
 
     def __check_init__(self) -> None:
         choose("Turning.order", self.order, ORDERS)
         check_interval("Turning", "longest", self.longest, 0.0)
+        check_interval(
+            "Turning", "steering_limit", self.steering_limit, 0.0, closed_low=True
+        )
 
 
 class SurfaceStay(Container):

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 
 from jaxglider.core.containers import Flag, Scalar, Series
 from jaxglider.guidance import phases as names
-from jaxglider.guidance.phases import Turning
+from jaxglider.guidance.orders import by_phase, orders_of
 from jaxglider.guidance.progress import (
     YoState,
     arrived,
@@ -110,7 +110,7 @@ class Yo(AbstractReference):
         turned = self._turned(ended, measurement, planned.time, aim, dt)
         halves = self.settings.dive, self.settings.climb
         turned = regulated(turned, halves, dt)
-        orders = self._orders(turned)
+        orders = orders_of(self.settings, turned)
         reference = self._reference(turned, measurement, aim, orders)
         at_surface = turned.phase == names.SURFACE
         following = dataclasses.replace(
@@ -209,36 +209,6 @@ class Yo(AbstractReference):
             surfaced_target=jnp.where(surfaced, aim.target, state.surfaced_target),
         )
 
-    def _orders(self, state: YoState) -> Orders:
-        """Ballast of the phase, and whether the mass waits."""
-        plan, phase = self.settings, state.phase
-        apogee, inflection = plan.apogee, plan.inflection
-        ballast = _by_phase(
-            phase,
-            plan.surface.buoyancy_mass,
-            state.dive_ballast,
-            _while_turning(apogee, state.ordered, state.climb_ballast),
-            state.climb_ballast,
-            _while_turning(inflection, state.ordered, state.dive_ballast),
-        )
-        waits = (phase == names.APOGEE) & (apogee.order == "pump")
-        waits = waits | ((phase == names.INFLECTION) & (inflection.order == "pump"))
-        steering = None
-        if plan.spiral is not None:
-            climbing = (phase == names.CLIMB) | (phase == names.APOGEE)
-            sign = jnp.where(climbing & plan.spiral_flips, -1.0, 1.0)
-            steering = jnp.where(phase == names.SURFACE, 0.0, sign) * plan.spiral
-        down, up = state.dive_ballast, state.climb_ballast
-        settled = _by_phase(
-            phase,
-            plan.surface.buoyancy_mass,
-            down,
-            up if apogee.buoyancy_mass is None else apogee.buoyancy_mass,
-            up,
-            down if inflection.buoyancy_mass is None else inflection.buoyancy_mass,
-        )
-        return Orders(ballast, settled, waits, phase, state.status, steering)
-
     def _reference(
         self, state: YoState, measurement: Measurement, aim: Reference, orders: Orders
     ) -> Reference:
@@ -252,7 +222,7 @@ class Yo(AbstractReference):
         )
         turns = (plan.apogee.angle, climb), (plan.inflection.angle, dive)
         apogee, inflection = (after if own is None else own for own, after in turns)
-        pitch = _by_phase(
+        pitch = by_phase(
             state.phase, plan.surface.angle, dive, apogee, climb, inflection
         )
         zero = jnp.zeros_like(pitch)
@@ -271,18 +241,3 @@ class Yo(AbstractReference):
             finished=state.status != names.UNDER_WAY,
             orders=orders,
         )
-
-
-def _while_turning(turning: Turning, before: Scalar, after: Scalar) -> Scalar:
-    """Ballast while what moves first at an inflection moves."""
-    if turning.order == "mass":
-        return before
-    return after if turning.buoyancy_mass is None else turning.buoyancy_mass
-
-
-def _by_phase(phase: jax.Array, *values: Scalar) -> Scalar:
-    """The value of the phase, of one for each."""
-    chosen = values[0]
-    for number, value in enumerate(values[1:], 1):
-        chosen = jnp.where(phase == number, value, chosen)
-    return chosen

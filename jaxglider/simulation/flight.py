@@ -34,9 +34,12 @@ COLUMNS = {
     "heading_error_rad": "rad",
     "on_heading": "1",
     "depth_rate_m_s": "m/s",
+    "made_good_m": "m",
     "energy_J": "J",
+    **{f"{name}_energy_J": "J" for name in Consumers.__dataclass_fields__},
     "pushed_kg": "kg",
     "mass_position_moves": "1",
+    "mass_position_travel_m": "m",
     "mass_angle_moves": "1",
     "mass_angle_travel_rad": "rad",
 }
@@ -205,7 +208,8 @@ def _measures(ticks: Any, kind: str, part: slice, count: int) -> dict[str, float
         "heading_error_rad": math.sqrt(_average(error**2)) if error.size else math.nan,
         "on_heading": _average(np.abs(error) <= HEADING_BAND),
         "depth_rate_m_s": _slope(time[steady], depth[steady]),
-        "energy_J": _spent(ticks, ends),
+        "made_good_m": _made_good(ticks.state, ends),
+        **_spent(ticks, ends),
         **_moves(ticks, part),
     }
 
@@ -235,20 +239,32 @@ def _moves(ticks: Any, part: slice) -> dict[str, float]:
         return float(np.sum((sense != 0.0) & (sense != before)))
 
     pump, angle = applied("buoyancy_mass"), applied("mass_angle")
+    position = applied("mass_position")
     return {
         "pushed_kg": float(np.sum(np.maximum(-pump, 0.0))),
-        "mass_position_moves": begun(applied("mass_position")),
+        "mass_position_moves": begun(position),
+        "mass_position_travel_m": float(np.sum(np.abs(position))),
         "mass_angle_moves": begun(angle),
         "mass_angle_travel_rad": float(np.sum(np.abs(angle))),
     }
 
 
-def _spent(ticks: Any, ends: slice) -> float:
-    if ticks.energy is None:
-        return math.nan
-    columns = [np.asarray(x, np.float64)[ends] for x in vars(ticks.energy).values()]
-    total = np.sum(columns, axis=0)
-    return float(total[-1] - total[0])
+def _spent(ticks: Any, ends: slice) -> dict[str, float]:
+    """Energy of a half: altogether and by who took it; NaN where it is not counted."""
+    used = dict.fromkeys(Consumers.__dataclass_fields__, math.nan)
+    for name in used if ticks.energy is not None else ():
+        column = np.asarray(getattr(ticks.energy, name), np.float64)[ends]
+        used[name] = float(column[-1] - column[0])
+    by_consumer = {f"{name}_energy_J": value for name, value in used.items()}
+    return {"energy_J": sum(used.values())} | by_consumer
+
+
+def _made_good(state: GliderState, ends: slice) -> float:
+    """Distance from the start of a half to its end, straight and level [m]."""
+    north, east = (
+        np.asarray(x, np.float64)[ends][[0, -1]] for x in (state.north, state.east)
+    )
+    return math.hypot(north[1] - north[0], east[1] - east[0])
 
 
 def _average(values: np.ndarray) -> float:

@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import math
 import os
 import sys
 from pathlib import Path
@@ -12,8 +13,10 @@ import jax
 from jaxglider.files.results import json_number, metrics_dict, write_trajectories
 from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import provenance, write_json, write_text
+from jaxglider.guidance import Yo
 from jaxglider.guidance.phases import STATUS_TEXTS, STATUSES
 from jaxglider.plotting import save_all
+from jaxglider.plotting.flight import save_dives
 from jaxglider.simulation.checks.failure import Failure
 from jaxglider.simulation.checks.stability import glides_of, loop_modes, statement
 from jaxglider.simulation.closed_loop import ClosedLoop
@@ -66,8 +69,20 @@ class FinishedRun:
     def _flight(self) -> dict[str, Any]:
         """Dive by dive, where yos were flown."""
         rows = halves(self.trajectory)
+        task = self.entry.loop.scenario.reference
+        if isinstance(task, Yo):
+            for row in rows:
+                row["wanted_depth_rate_m_s"] = _wanted_rate(task, row["half"])
         plain = [{key: json_number(value) for key, value in r.items()} for r in rows]
         return {"halves": plain} if plain else {}
+
+
+def _wanted_rate(task: Yo, half: str) -> float:
+    """Depth rate that a mission wants of its dives or climbs [m/s], NaN for any."""
+    wanted = getattr(task.settings, half).depth_rate
+    if wanted is None:
+        return math.nan
+    return float(wanted) if half == "dive" else -float(wanted)
 
 
 def run_all(
@@ -141,7 +156,7 @@ def report_runs(
         tables.append(text_table(group) + "\n")
         for told in (text_flight, text_navigation):
             tables += [text + "\n" for text in map(told, group) if text]
-    _write(options.out, done, result, options.table)
+    _write(options, done, result)
     print_result(result, "\n".join(tables), as_json=options.json)
     failed = [(d, s) for d, s in zip(done, summaries, strict=True) if d.failure]
     for one, run in failed:
@@ -172,9 +187,9 @@ def _note_failure(
 
 
 def _write(
-    out: Path, done: list[FinishedRun], result: dict[str, Any], table: str | None
+    options: argparse.Namespace, done: list[FinishedRun], result: dict[str, Any]
 ) -> None:
-    progress = Progress()
+    out, progress = options.out, Progress()
     progress.show(f"writing to {out} ...")
     write_json(out / "metrics.json", result)
     flights = [
@@ -191,9 +206,9 @@ def _write(
     }
     origin = done[0].entry.loop.scenario.origin
     write_trajectories(out / "trajectories.nc", runs, result["provenance"], origin)
-    if table is not None:
+    if options.table is not None:
         for label, run in runs.items():
-            write_table(out / f"{_file_name(label)}.{table}", run)
+            write_table(out / f"{_file_name(label)}.{options.table}", run)
     figures: list[Path] = []
     for scenario in dict.fromkeys(d.entry.scenario for d in done):
         progress.show(f"drawing {scenario} ...")
@@ -204,11 +219,24 @@ def _write(
         title = f"{one.scenario} on {one.plant}"
         figures += save_all(folder, one.loop.scenario, labelled, ("png",), None, title)
     write_html(out / "report.html", text, result["provenance"], figures)
+    pages = _dives(out / "figures", done) if options.pages else ""
     progress.clear()
     note(
         f"{out}: metrics.json, tables.md, trajectories.nc and {len(figures)} figures, "
-        "all in report.html too."
+        f"all in report.html too{pages}."
     )
+
+
+def _dives(folder: Path, done: list[FinishedRun]) -> str:
+    """Pages of the dives of each run, and what to say of them."""
+    count = 0
+    for one in done:
+        entry = one.entry
+        name = _file_name(f"dives-{entry.scenario}-{entry.controller}.pdf")
+        actuators = entry.loop.scenario.actuators
+        title = f"{entry.scenario}, {_label(entry.controller)}"
+        count += save_dives(folder / name, one.trajectory, actuators, title)
+    return f"; {count} dives on a page each" if count else "; no dives, no pages"
 
 
 def _failures(done: list[FinishedRun]) -> list[str]:

@@ -26,9 +26,12 @@ def table_of(run: Trajectory) -> dict[str, np.ndarray]:
     """
     active = np.asarray(run.ticks.active, bool)
     columns = {"time_s": np.asarray(run.ticks.time, np.float64)}
-    for name, unit, _, where in variables(run.ticks.onboard is not None):
+    onboard, energy = (x is not None for x in (run.ticks.onboard, run.ticks.energy))
+    for name, unit, _, where in variables(onboard, energy):
         key = f"{name}_{_UNITS.get(unit, unit)}".rstrip("_")
         columns[key] = column(run.ticks, where)
+    if run.ticks.phase is not None:
+        columns["phase"] = np.asarray(run.ticks.phase)
     return {name: values[active] for name, values in columns.items()}
 
 

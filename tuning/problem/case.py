@@ -4,7 +4,8 @@ import dataclasses
 from collections.abc import Sequence
 
 from jaxglider import paper
-from jaxglider.files.mission import Mission, paper_case
+from jaxglider.files.course_remarks import paper_case
+from jaxglider.files.mission import Mission
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.gains import LoadedGains
 from jaxglider.simulation.scenario import Clock, Scenario

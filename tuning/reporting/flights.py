@@ -18,9 +18,17 @@ _HALVES = (
     ("heading rms [deg]", "heading_error_rad", DEGREE, 1),
     ("in 10 deg [%]", "on_heading", 100.0, 0),
     ("w [m/s]", "depth_rate_m_s", 1.0, 3),
+    ("wanted", "wanted_depth_rate_m_s", 1.0, 3),
+    ("way [m]", "made_good_m", 1.0, 0),
     ("energy [J]", "energy_J", 1.0, 0),
 )
-_TITLES = ["half", *(title for title, *_ in _HALVES)]
+_IN_FILES = (
+    *_HALVES,
+    ("pump [J]", "pump_energy_J", 1.0, 0),
+    ("moves", "mass_angle_moves", 1.0, 0),
+    ("turned [deg]", "mass_angle_travel_rad", DEGREE, 0),
+)
+"""Columns of files, which may be wider than a terminal."""
 _CONSUMERS = ("pump", "position", "steering", "hotel", "surface", "communication")
 MOST = 12
 """Halves that a terminal is shown; files have all."""
@@ -31,9 +39,9 @@ def text_flight(run: dict[str, Any]) -> str:
     if "flight" not in run:
         return ""
     lines = [*_mission(run), ""]
-    rows = _rows(run.get("halves", []))
+    titles, rows = _rows(run.get("halves", []), _HALVES)
     if rows:
-        lines += text_columns(_TITLES, rows[:MOST], 9)
+        lines += text_columns(titles, rows[:MOST], 9)
         if len(rows) > MOST:
             lines.append(f"... and {len(rows) - MOST} more, in the files.")
     return "\n".join(lines)
@@ -45,9 +53,9 @@ def markdown_flight(run: dict[str, Any]) -> list[str]:
         return []
     lines = [f"\n### Flight of {run['scenario']}, {run['controller']}\n"]
     lines += [f"- {line}" for line in _mission(run)] + [""]
-    rows = _rows(run.get("halves", []))
+    titles, rows = _rows(run.get("halves", []), _IN_FILES)
     if rows:
-        lines += markdown_table(_TITLES, rows, 1)
+        lines += markdown_table(titles, rows, 1)
     return lines
 
 
@@ -55,9 +63,15 @@ def _mission(run: dict[str, Any]) -> list[str]:
     f = _numbers(run["flight"])
     energy = ", ".join(f"{name} {f['energy_J'][name]:.0f}" for name in _CONSUMERS)
     moves, travel = f["moves"], f["travel"]
-    lines = [
-        f"{run['status']}: {f['dives']:.0f} dives, {f['climbs']:.0f} climbs, "
-        f"{f['surfacings']:.0f} surfacings, {f['surface_time_s']:.0f} s at the surface",
+    lines = []
+    # A schedule or a course whose energy is counted has neither phases nor an end.
+    if "status" in run:
+        lines.append(
+            f"{run['status']}: {f['dives']:.0f} dives, {f['climbs']:.0f} climbs, "
+            f"{f['surfacings']:.0f} surfacings, "
+            f"{f['surface_time_s']:.0f} s at the surface"
+        )
+    lines += [
         f"made good {decimals(f['made_good_m'], 0)} m, through the water "
         f"{decimals(f['through_water_m'], 0)} m",
         f"pump: {f['strokes']:.0f} strokes, {f['pushed_kg']:.2f} kg pushed out; moves: "
@@ -67,7 +81,7 @@ def _mission(run: dict[str, Any]) -> list[str]:
     ]
     if f["total_energy_J"] > 0.0:
         lines.insert(
-            2,
+            -1,
             f"energy {f['total_energy_J'] / 1e3:.1f} kJ [J: {energy}]; "
             f"{decimals(f['energy_per_made_good_J_m'], 2)} kJ/km made good, "
             f"{decimals(f['energy_per_through_water_J_m'], 2)} through the water",
@@ -85,11 +99,16 @@ def _numbers(table: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _rows(halves: Sequence[dict[str, Any]]) -> list[list[str]]:
-    return [
+def _rows(
+    halves: Sequence[dict[str, Any]], columns: Sequence[tuple[Any, ...]]
+) -> tuple[list[str], list[list[str]]]:
+    """Titles and rows; what no half has, such as a wanted depth rate, is left out."""
+    known = [c for c in columns if any(half.get(c[1]) is not None for half in halves)]
+    rows = [
         [
             f"{number // 2 + 1} {half['half']}",
-            *(decimals(half[key], digits, f) for _, key, f, digits in _HALVES),
+            *(decimals(half.get(key), digits, f) for _, key, f, digits in known),
         ]
         for number, half in enumerate(halves)
     ]
+    return ["half", *(title for title, *_ in known)], rows

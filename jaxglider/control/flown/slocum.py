@@ -212,7 +212,7 @@ class Slocum(AbstractController):
             state.turning,
             error.heading,
             sampled_rate(error.heading, state.turning.error, since, first),
-            jnp.abs(held) >= NEARLY_OVER * self.steering_limit,
+            jnp.abs(held) >= NEARLY_OVER * self._most(reference),
             self.fin_gains(),
             since,
         )
@@ -240,6 +240,13 @@ class Slocum(AbstractController):
             climbed=climbing.astype(state.climbed.dtype),
             command=Command(ballast, trim.mass_position + shifts.at(climbing), fin),
         )
+
+    def _most(self, reference: Reference) -> Scalar:
+        """Angle of a fin that is hard over [rad], less where the plan limits it."""
+        orders = reference.orders
+        if orders is None or orders.steering_limit is None:
+            return self.steering_limit
+        return jnp.minimum(self.steering_limit, orders.steering_limit)
 
     def fin_gains(self) -> FinGains:
         """The numbers of the heading law."""

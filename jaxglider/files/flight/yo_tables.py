@@ -220,8 +220,8 @@ def _flag(table: TomlTable, key: str, default: bool) -> bool:
     return value
 
 
-def _maybe(table: TomlTable, key: str) -> float | None:
-    return None if table.get(key, None) is None else table.number(key)
+def _maybe(table: TomlTable, key: str, unit: float = 1.0) -> float | None:
+    return None if table.get(key, None) is None else unit * table.number(key)
 
 
 def _half(table: TomlTable, name: str) -> HalfYo:
@@ -245,6 +245,8 @@ def _half(table: TomlTable, name: str) -> HalfYo:
         table.number("depth_rate_band_m_s", 0.005),
         table.number("ballast_gain_kg_s_m", 2.0),
         table.number("largest_buoyancy_mass_kg", 2.0 * abs(ballast)),
+        _maybe(table, "steering_limit_deg", DEGREE),
+        _maybe(table, "steering_wait_s"),
     )
     table.close()
     return half
@@ -253,14 +255,14 @@ def _half(table: TomlTable, name: str) -> HalfYo:
 def _turning(table: TomlTable, order: str, longest: float) -> Turning:
     first = table.text("first", order)
     choice(first, dict.fromkeys(ORDERS), table.where("first"))
-    angle = _maybe(table, "pitch_deg")
     turning: Turning = built(
         Turning,
         table.where("")[:-1],
         first,
         table.number("longest_s", longest),
-        None if angle is None else DEGREE * angle,
+        _maybe(table, "pitch_deg", DEGREE),
         _maybe(table, "buoyancy_mass_kg"),
+        _maybe(table, "steering_limit_deg", DEGREE),
     )
     table.close()
     return turning

@@ -29,6 +29,13 @@ PROBABILITIES = (
     "p_unfinished",
     "p_failure",
 )
+ENDS = {
+    "p_bottom": "bottom",
+    "p_hover": "hover",
+    "p_stall": "stall",
+    "p_battery_empty": "battery empty",
+}
+"""Early ends of a mission, by the names of their probabilities."""
 SPECIFICATION = "spec"
 """The whole specification, as a quantity: the probability of breaking any part."""
 _DEFAULT_SHARE = 0.05
@@ -76,8 +83,14 @@ class Requirement:
                 f"are {', '.join(labels)}."
             )
         measure = self.quantity.rpartition(".")[0]
-        if self.quantity == SPECIFICATION:
+        flights = any(name.startswith("flight.") for name in measures)
+        if self.quantity == SPECIFICATION or (flights and self.quantity in ENDS):
             return
+        if self.quantity in ENDS:
+            raise ValueError(
+                f"--require {self.text}: no yos are flown that could end early; "
+                f"choose from {', '.join(PROBABILITIES)}."
+            )
         if self.quantity not in PROBABILITIES and measure not in measures:
             raise ValueError(
                 f"--require {self.text}: there is no measure {measure!r}; choose from "
@@ -122,7 +135,7 @@ class Requirement:
         if self.quantity == SPECIFICATION:
             entry = summary.broken["any"]
             return entry["p"], entry["simultaneous"]
-        if self.quantity in PROBABILITIES:
+        if self.quantity in (*PROBABILITIES, *ENDS):
             entry = summary.probabilities[self.quantity]
             return entry["p"], entry["interval"]
         measure, _, statistic = self.quantity.rpartition(".")
@@ -152,7 +165,7 @@ def requirement(text: str) -> Requirement:
             f"a finite number; received {text!r}."
         )
     quantity = form[2]
-    of_probability = quantity in (*PROBABILITIES, SPECIFICATION)
+    of_probability = quantity in (*PROBABILITIES, *ENDS, SPECIFICATION)
     if of_probability and not 0.0 <= limit <= 1.0:
         raise argparse.ArgumentTypeError(
             f"a probability is compared with a number in [0, 1]; received {text!r}."
@@ -161,7 +174,7 @@ def requirement(text: str) -> Requirement:
     if not known:
         raise argparse.ArgumentTypeError(
             f"{quantity!r} is no quantity: give {SPECIFICATION}, one of "
-            f"{', '.join(PROBABILITIES)}, or a measure with a statistic, as "
+            f"{', '.join((*PROBABILITIES, *ENDS))}, or a measure with a statistic, as "
             f"heading.rms_error.q95 (statistics: {', '.join(STATISTICS)})."
         )
     return Requirement(

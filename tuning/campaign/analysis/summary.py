@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from jaxglider.signals import CHANNELS
+from tuning.campaign.analysis.requirements import ENDS
 from tuning.campaign.run.campaign import CampaignSettings
-from tuning.campaign.run.rows import Rows
+from tuning.campaign.run.rows import FLIGHT_COLUMNS, Rows
 from tuning.reporting.statistics import (
     discordant,
     paired_difference,
@@ -37,28 +38,7 @@ MEASURES = (
     "end_time",
 )
 """Columns that are summarised."""
-FLIGHT_MEASURES = tuple(
-    f"flight.{name}"
-    for name in (
-        "total_energy",
-        "energy_per_made_good",
-        "energy_per_through_water",
-        "energy.pump",
-        "made_good",
-        "through_water",
-        "dive_time",
-        "climb_time",
-        "overshoot",
-        "pitch_error",
-        "heading_error",
-        "on_heading",
-        "depth_rate",
-        "pushed",
-        "moves.mass_position",
-        "moves.mass_angle",
-        "travel.mass_angle",
-    )
-)
+FLIGHT_MEASURES = tuple(name for name in FLIGHT_COLUMNS if name != "status")
 """Columns of flights of yos that are summarised besides."""
 
 
@@ -73,6 +53,13 @@ COMPARED = tuple(
     for measure in ("rms_error", "rms_effort", "chattering")
 )
 """Columns that are compared member by member."""
+FLIGHT_COMPARED = (
+    "flight.energy_per_made_good",
+    "flight.heading_error",
+    "flight.travel.mass_angle",
+    "flight.moves.mass_angle",
+)
+"""Columns of flights of yos that are compared besides."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -224,11 +211,14 @@ def probabilities(
     events["p_capsize"] = table.capsized(number)
     events["p_unfinished"] = table.unfinished(number, waypoints)
     events["p_failure"] = table.failed(number)
+    if table.has_flight:
+        events |= {name: table.ended(number, end) for name, end in ENDS.items()}
     return {name: probability(event, level) for name, event in events.items()}
 
 
 def comparisons(table: Rows) -> list[dict[str, Any]]:
     """The first set of gains against each other one, on the same members."""
+    compared = (*COMPARED, *FLIGHT_COMPARED) if table.has_flight else COMPARED
     return [
         {
             "first": table.labels[0],
@@ -238,7 +228,7 @@ def comparisons(table: Rows) -> list[dict[str, Any]]:
                 name: paired_difference(
                     table.column(0, name), table.column(number, name)
                 )
-                for name in COMPARED
+                for name in compared
             },
         }
         for number in range(1, len(table.labels))
@@ -267,8 +257,12 @@ TIED = 1e-3
 
 
 def ranked(table: Rows, number: int) -> list[int]:
-    """Numbers of the members from the least to the most severe."""
-    order = np.argsort(severity(table, number), kind="stable")
+    """Numbers of the members from the least to the most severe.
+
+    A mission that did not come to its end is more severe than any that did.
+    """
+    short = table.unfinished(number, None)
+    order = np.lexsort((severity(table, number), short))
     return [int(n) for n in table.rows["member"][order]]
 
 

@@ -19,9 +19,10 @@ from tuning.campaign.analysis.rank_correlations import SEVERITY
 from tuning.campaign.analysis.ribbons import ribbons
 from tuning.campaign.analysis.summary import CampaignSummary, severity
 from tuning.campaign.report import figures
+from tuning.campaign.report.flights_section import flights_section
 from tuning.campaign.report.sensitivity_section import blamed, sobol_figure
 from tuning.campaign.report.specified_section import specified_section
-from tuning.campaign.report.text import LINES, brackets, in_interval, short
+from tuning.campaign.report.text import brackets, in_interval, short, told
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.rows import Rows, unit
 from tuning.reporting.html import write_html
@@ -50,6 +51,7 @@ def write_campaign_report(
     names = _figures(folder / "figures", campaign, table, summary)
     parts = [_head(summary), *_likely(summary), *_required(summary)]
     parts += specified_section(summary)
+    parts += flights_section(summary)
     parts += [_picture("convergence"), *_measures(summary), _picture("distributions")]
     parts += [*_compared(summary), *_failed(summary), *_driven(summary)]
     parts += blamed(summary)
@@ -91,8 +93,7 @@ def _likely(summary: CampaignSummary) -> list[str]:
     rows = [
         [title.strip()]
         + [in_interval(c.probabilities[name]) for c in controllers.values()]
-        for name, title in LINES.items()
-        if name != "p_unfinished" or summary.has_waypoints
+        for name, title in told(summary).items()
     ]
     return ["## How likely is trouble\n", *markdown_table(["", *controllers], rows, 1)]
 

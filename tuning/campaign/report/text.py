@@ -3,6 +3,7 @@
 from typing import Any
 
 from jaxglider.signals import CHANNEL_UNITS, COMMAND_UNITS
+from tuning.campaign.analysis.requirements import ENDS
 from tuning.campaign.analysis.summary import CampaignSummary, ControllerSummary
 
 LINES = {
@@ -12,8 +13,24 @@ LINES = {
     "p_violation_heading": "  heading",
     "p_capsize": "rolled past 90 deg",
     "p_unfinished": "did not finish",
+    "p_bottom": "  met the bottom",
+    "p_hover": "  hung at one depth",
+    "p_stall": "  got no farther",
+    "p_battery_empty": "  battery empty",
     "p_failure": "not finite",
 }
+
+
+def told(summary: CampaignSummary) -> dict[str, str]:
+    """Titles of the probabilities that mean something in a campaign, by their names."""
+    flights = any(of.ends for of in summary.controllers.values())
+    left_out = set() if flights else set(ENDS)
+    if not (summary.has_waypoints or flights):
+        left_out.add("p_unfinished")
+    if flights:
+        # A glider whose ballast is set once per phase tracks no depth.
+        left_out.add("p_violation_depth")
+    return {name: title for name, title in LINES.items() if name not in left_out}
 
 
 def text_summary(summary: CampaignSummary) -> str:
@@ -25,13 +42,10 @@ def text_summary(summary: CampaignSummary) -> str:
     )
     rows = [["probability", *controllers]]
     flights = any(of.ends for of in controllers.values())
-    for name, title in LINES.items():
-        if name == "p_unfinished" and not (summary.has_waypoints or flights):
-            continue
-        # A glider whose ballast is set once per phase tracks no depth.
-        if name == "p_violation_depth" and flights:
-            continue
+    for name, title in told(summary).items():
         entries = [of.probabilities[name] for of in controllers.values()]
+        if name in ENDS and not any(entry["k"] for entry in entries):
+            continue
         rows.append([title, *map(in_interval, entries)])
     rows += _specified(controllers)
     rows.append(["95 % of members below"])

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxglider.files.results import FLIGHT_UNITS
+from jaxglider.files.flight.flight_variables import FLIGHT_UNITS
 from jaxglider.guidance.phases import COMPLETED, STATUSES
 from jaxglider.signals import (
     CHANNEL_UNITS,
@@ -213,12 +213,21 @@ class Rows:
         return bool(self.rows["metrics"].shape[-1] == len(ALL_COLUMNS))
 
     def ends(self, gains: int) -> dict[str, int]:
-        """Number of members by the end of their mission; none without yos."""
+        """Number of members by the end of their mission; none without yos.
+
+        Those that became non-finite are counted as such, whatever end they had.
+        """
         if not self.has_flight:
             return {}
-        numbers = self.raw(gains, "status")
-        counts = [int(np.sum(numbers == n)) for n in range(len(STATUSES))]
-        return {name: n for name, n in zip(STATUSES, counts, strict=True) if n}
+        failed = self.failed(gains)
+        numbers = np.where(failed, -1, self.raw(gains, "status"))
+        counts = {name: int(np.sum(numbers == n)) for n, name in enumerate(STATUSES)}
+        counts["not finite"] = int(np.sum(failed))
+        return {name: count for name, count in counts.items() if count}
+
+    def ended(self, gains: int, name: str) -> np.ndarray:
+        """Flags of the members whose mission ended so, or failed."""
+        return self.failed(gains) | (self.raw(gains, "status") == STATUSES.index(name))
 
     def failed(self, gains: int) -> np.ndarray:
         """Flags of the runs that became non-finite."""

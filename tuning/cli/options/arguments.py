@@ -270,11 +270,16 @@ def add_overwrite(parser: argparse.ArgumentParser) -> None:
 
 
 def add_table(parser: argparse.ArgumentParser) -> None:
-    """Trajectories as tables, beside trajectories.nc."""
+    """Trajectories as tables, and dives as pages, beside trajectories.nc."""
     parser.add_argument(
         "--table",
         choices=("csv", "parquet"),
         help="write each trajectory as such a table too; parquet needs pyarrow",
+    )
+    parser.add_argument(
+        "--pages",
+        action="store_true",
+        help="write figures/dives-....pdf too, a page for each dive of a yo",
     )
 
 
