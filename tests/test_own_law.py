@@ -220,7 +220,10 @@ def test_what_is_wrong_with_it_is_said_in_one_line(call, own, change, parts):
 def test_a_word_that_is_no_law_is_refused_with_both_ways_to_name_one(call):
     code, _, err = call("tune", "--controller", "own.py")
     assert code == 2
-    assert "slocum, seaglider, seaexplorer, pid, lqr, lqi, adrc, backstepping, " in err
+    assert (
+        "slocum, seaglider, seaexplorer, pid, lqr, lqi, mpc, adrc, backstepping, "
+        in err
+    )
     code, _, err = call("sweep", "--gains", "tuned", "--controller", OWN)
     assert code == 2
     assert "no gains come with jaxglider" in err

@@ -1,5 +1,6 @@
 """The laws of the textbooks, against second implementations and their theory."""
 
+import dataclasses
 import math
 
 import compiled_c
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from scipy.integrate import solve_ivp
+from scipy.optimize import nnls
 
 from jaxglider import paper
 from jaxglider.control.textbook.adrc import ADRCState, observer_gains
@@ -18,7 +20,15 @@ from jaxglider.core.riccati import regulator_gain, sampled
 from jaxglider.export.autopilot import autopilot_source
 from jaxglider.export.vectors import fly, sea
 from jaxglider.onboard.autopilot import autopilot
-from jaxglider.signals import BodyAxes, Command, GliderState, Measurement, zeros
+from jaxglider.signals import (
+    BodyAxes,
+    Channels,
+    Command,
+    GliderState,
+    Measurement,
+    Reference,
+    zeros,
+)
 from jaxglider.vehicle.plant import rigid_body_plant
 from jaxglider.vehicle.published import load_vehicle
 
@@ -96,6 +106,155 @@ def test_the_derivative_of_the_regulator_gain_is_that_of_differences(glide):
     step = 1e-4
     wanted = (gain(logs + step * along) - gain(logs - step * along)) / (2 * step)
     np.testing.assert_allclose(slope, wanted, rtol=1e-5, atol=1e-7)
+
+
+LIMIT, RATE = np.array([0.4, 0.06, math.pi / 2]), np.array([0.02, 0.005, 0.2])
+
+
+def discrete(glide, law):
+    """A, B of a period, P and K of SciPy."""
+    a, b = glide
+    whole = np.zeros((13, 13))
+    whole[:10] = np.hstack([a, b])
+    step = scipy.linalg.expm(whole * float(law.period))
+    ad, bd = step[:10, :10], step[:10, 10:]
+    q, r = np.diag(values(law.weights)), np.diag(values(law.efforts))
+    p = scipy.linalg.solve_discrete_are(ad, bd, q, r)
+    return ad, bd, p, np.linalg.solve(r + bd.T @ p @ bd, bd.T @ p @ ad)
+
+
+def off_its_glide(rng, scale):
+    """What a law sees of a glider away from its dive, and what it is asked for."""
+    usual = [0.2, 0.1, 0.1, 0.15, 0.03, 0.01, 0.02, 0.02, 0.02, 0.02]
+    x = scale * rng.normal(size=10) * usual
+    trim = trim_of(MODEL, jnp.asarray(-0.8), jnp.asarray(0.1))
+    of_trim = [float(getattr(trim.state, name)) for name in STATES]
+    state = GliderState.at_rest(**dict(zip(STATES, x + of_trim, strict=True)))
+    held = rng.uniform(-0.5, 0.5, 3) * scale * LIMIT
+    measured = Measurement(state, state.attitude(), Command(*held), zeros(BodyAxes))
+    asked = Reference(
+        Channels(0.0, -0.8, 0.0),
+        Channels(0.1, 0.0, 0.0),
+        zeros(Channels),
+        jnp.asarray(1.0),
+        jnp.asarray(0, jnp.int32),
+        jnp.asarray(False),
+    )
+    return x, values(trim.command), held, measured, asked
+
+
+@pytest.fixture(scope="module")
+def planner():
+    """A predictive law of a short horizon, and its memory before the first run."""
+    law = dataclasses.replace(made("mpc"), horizon=4)
+    return law, jax.jit(lambda x: x.init())(law)
+
+
+@jax.jit
+def first_run(law, state, measured, asked):
+    """Command and memory of a run that is due."""
+    state = dataclasses.replace(state, elapsed=law.period)
+    bounds = law.bounds(asked.clock)
+    command, after, _ = law.step(state, measured, asked, bounds, law.period)
+    return jnp.stack([*vars(command).values()]), after
+
+
+def test_predictive_control_without_bounds_is_the_regulator_of_scipy(glide, planner):
+    law, begun = planner
+    free = Command(1e6, 1e6, 1e6)
+    law = dataclasses.replace(law, limit=free, rate_limit=free)
+    gain = discrete(glide, law)[3]
+    rng = np.random.default_rng(0)
+    x, trim, _, measured, asked = off_its_glide(rng, 0.1)
+    # No error that is cut off: the law is linear there.
+    assert np.abs(x[[0, 2, 3]]).max() < 0.4
+    told = first_run(law, begun, measured, asked)[0]
+    np.testing.assert_allclose((told - trim + gain @ x) / LIMIT, 0.0, atol=1e-9)
+
+
+def best_first_move(glide, law, x, trim, held):
+    """First move of the program by SciPy's least squares.
+
+    With H = L Lᵀ it is the least distance of Lᵀv + L⁻¹f from zero within the bounds,
+    which Lawson and Hanson (1974), 23.4, have from multipliers that are not negative.
+    """
+    ad, bd, p, _ = discrete(glide, law)
+    q, r, n = np.diag(values(law.weights)), values(law.efforts), law.horizon
+    powers = [np.linalg.matrix_power(ad, k) for k in range(n + 1)]
+    of_x = np.vstack(powers[1:])
+    of_v = np.zeros((10 * n, 3 * n))
+    for k in range(n):
+        for j in range(k + 1):
+            block = powers[k - j] @ bd
+            of_v[10 * k : 10 * k + 10, 3 * j : 3 * j + 3] = block
+    cost = np.kron(np.eye(n), q)
+    cost[-10:, -10:] = p
+    unit = np.tile(1.0 / np.sqrt(r), n)
+    hessian = (np.diag(np.tile(r, n)) + of_v.T @ cost @ of_v) * np.outer(unit, unit)
+    linear = unit * (of_v.T @ cost @ of_x @ x)
+    change = np.eye(3 * n) - np.eye(3 * n, k=-3)
+    before = np.concatenate([held - trim, np.zeros(3 * n - 3)])
+    reach, star = np.tile(float(law.period) * RATE, n), np.tile(trim, n)
+    limit = np.tile(LIMIT, n)
+    rows = np.vstack([np.eye(3 * n), -np.eye(3 * n), change, -change]) * unit
+    room = np.concatenate([limit - star, limit + star, reach + before, reach - before])
+    root = np.linalg.cholesky(hessian)
+    across = np.linalg.solve(root, rows.T).T
+    from_zero = np.linalg.solve(root, linear)
+    least = -room - across @ from_zero
+    system = np.vstack([-across.T, least])
+    target = np.zeros(3 * n + 1)
+    target[-1] = 1.0
+    multipliers = nnls(system, target)[0]
+    left = system @ multipliers - target
+    moves = np.linalg.solve(root.T, -left[:-1] / left[-1] - from_zero)
+    return trim + (unit * moves)[:3]
+
+
+def test_predictive_control_within_bounds_is_the_program_of_scipy(glide, planner):
+    law, begun = planner
+    whole = dataclasses.replace(law, rounds=4000)
+    met, wrong = 0, []
+    for seed in range(6):
+        seen = off_its_glide(np.random.default_rng(seed), 0.4 if seed < 4 else 1.0)
+        x, trim, held, *given = seen
+        wanted = best_first_move(glide, law, x, trim, held)
+        told = np.asarray(first_run(whole, begun, *given)[0])
+        np.testing.assert_allclose((told - wanted) / RATE, 0.0, atol=1e-5)
+        met += np.sum(np.abs(np.abs(told - held) - RATE) < 1e-6)
+        short = np.asarray(first_run(law, begun, *given)[0])
+        assert np.all(np.abs(short - held) < RATE + 1e-9)
+        assert np.all(np.abs(short) < LIMIT + 1e-9)
+        wrong.append(np.abs((short - wanted) / RATE))
+    # Some moves are as fast as they may be, some are not.
+    assert 6 < met < 16
+    # Ten rounds from nothing are a fraction of a step off, on the slow ballast.
+    assert np.mean(wrong) < 0.05
+    assert np.max(wrong) < 0.4
+
+
+def test_the_derivative_of_predictive_control_is_that_of_differences(planner):
+    law, _ = planner
+    # One move as fast as may be, two between.
+    _, _, _, measured, asked = off_its_glide(np.random.default_rng(2), 0.4)
+
+    def turned(container, start, share):
+        """The numbers of a container, each on its own way up or down."""
+        ways = (jnp.exp(share * math.sin(1.7 * (start + n))) for n in range(10))
+        return jax.tree.map(lambda x: x * next(ways), container)
+
+    def told(share):
+        weights = turned(law.weights, 0, share)
+        efforts = turned(law.efforts, 10, share)
+        changed = dataclasses.replace(law, weights=weights, efforts=efforts)
+        command = first_run(changed, changed.init(), measured, asked)[0]
+        return command @ (1.0 / RATE)
+
+    both = jax.jit(lambda share: jax.jvp(told, (share,), (jnp.ones(()),)))
+    slope = float(both(jnp.zeros(()))[1])
+    assert abs(slope) > 1e-3
+    ahead, behind = (float(both(jnp.asarray(h))[0]) for h in (1e-4, -1e-4))
+    assert slope == pytest.approx((ahead - behind) / 2e-4, rel=1e-5)
 
 
 @pytest.mark.parametrize(("bandwidth", "dt"), [(0.2, 0.05), (0.1, 4.0)])
@@ -183,10 +342,14 @@ def test_the_fixed_time_law_is_its_formula_on_a_double_integrator():
 
 
 @pytest.mark.skipif(compiled_c.COMPILER is None, reason="no C compiler here")
-@pytest.mark.parametrize("name", ["seaglider", "lqi"])
+@pytest.mark.parametrize("name", ["seaglider", "lqi", "mpc"])
 def test_laws_with_looks_or_a_riccati_equation_are_the_same_in_c(name, tmp_path):
-    """A law that waits, decides and remembers; and one whose K is worked out first."""
+    """A law that waits, decides and remembers; and two that are designed first."""
     loop = paper.make_loop("switching", "rigid-body", name)
+    if name == "mpc":
+        # Short, for C writes out every round.
+        short = dataclasses.replace(loop.controller, horizon=2, rounds=3)
+        loop = dataclasses.replace(loop, controller=short)
     pilot = autopilot(loop)
     seen = fly(pilot, loop, sea(loop, 800, hold=20))[0]
     onboard = compiled_c.Onboard(tmp_path, autopilot_source(pilot, "test"))

@@ -26,6 +26,7 @@ from jaxglider.control.textbook.adrc import ADRC
 from jaxglider.control.textbook.backstepping import Backstepping
 from jaxglider.control.textbook.fixed_time import FixedTimeBackstepping
 from jaxglider.control.textbook.lqr import LQI, LQR
+from jaxglider.control.textbook.mpc import MPC
 from jaxglider.control.textbook.pid import PID
 
 
@@ -57,6 +58,7 @@ LAWS = (
     LawEntry("pid", PID, "PID", observer="none"),
     LawEntry("lqr", LQR, "LQR", observer="none"),
     LawEntry("lqi", LQI, "LQI", observer="none"),
+    LawEntry("mpc", MPC, "MPC", observer="none"),
     LawEntry("adrc", ADRC, "ADRC", observer="none"),
     LawEntry("backstepping", Backstepping, "Backstepping", observer="none"),
     LawEntry("fixed-time-backstepping", FixedTimeBackstepping, "FxT-backstepping"),

@@ -14,7 +14,15 @@ PLANTS = ("printed", "rigid-body", "seawing")
 ACTUATORS = ("vehicle", "ideal")
 PAPER_CONTROLLERS = ("smc", "ppc", "fxtppc")
 FLOWN = ("slocum", "seaglider", "seaexplorer")
-TEXTBOOK = ("pid", "lqr", "lqi", "adrc", "backstepping", "fixed-time-backstepping")
+TEXTBOOK = (
+    "pid",
+    "lqr",
+    "lqi",
+    "mpc",
+    "adrc",
+    "backstepping",
+    "fixed-time-backstepping",
+)
 CONTROLLERS = (*PAPER_CONTROLLERS, "fxtppc-roll", *FLOWN, *TEXTBOOK)
 ALL = "all"
 HELD_BY_DEFAULT = (

@@ -1,0 +1,145 @@
+"""Table and figure of `bench_laws.py`, from the numbers that it kept of each law."""
+
+from typing import Any
+
+import numpy as np
+
+from jaxglider.control.catalogue import BY_NAME
+from jaxglider.plotting.style import new_figure
+from tuning.reporting.statistics import clopper_pearson, paired_difference
+
+PAPER_LAWS = ("smc", "ppc", "fxtppc")
+
+
+def table(results: list[dict[str, Any]]) -> str:
+    """The laws by their cost, who wins first.
+
+    Args:
+        results: what was kept of each law.
+    """
+    ranked = sorted(results, key=lambda r: (_failed(r), _mean_cost(r)))
+    best = ranked[0]
+    measures = list(best["tuned"]["measures"])
+    heads = ["law", "numbers", "cost", "more than the first, 95 %"]
+    heads += ["change by tuning, 95 %", *measures]
+    heads += [name for name in (best["left"], "lost", "tick [ms]", "state [B]") if name]
+    plain = ("law", "more than the first, 95 %", "change by tuning, 95 %")
+    rule = ["---" if h in (*plain, best["left"], "lost") else "---:" for h in heads]
+    lines = [
+        _headline(ranked),
+        "",
+        f"{best['title']}, each law {best['budget']}, judged on "
+        f"{len(best['tuned']['good'])} others, the same for all; start → tuned. "
+        "tick: estimated for a Cortex-M4F at 100 MHz in single precision.",
+        "",
+        "| " + " | ".join(heads) + " |",
+        "|" + "|".join(rule) + "|",
+    ]
+    lines += [_row(result, best) for result in ranked]
+    return "\n".join(lines) + "\n"
+
+
+def _row(result: dict[str, Any], best: dict[str, Any]) -> str:
+    start, tuned = result["start"], result["tuned"]
+    cells = [BY_NAME[result["law"]].label, str(result["numbers"])]
+    cells.append(f"{_mean(start['cost'], start):.3g} → {_mean_cost(result):.3g}")
+    cells.append("–" if result is best else _interval(_costs(best), _costs(result)))
+    cells.append(_interval(_costs(result, "start"), _costs(result)))
+    for name in tuned["measures"]:
+        pair = [_mean(x["measures"][name], x) for x in (start, tuned)]
+        cells.append(" → ".join(f"{x:.3g}" for x in pair))
+    if best["left"]:
+        cells.append(_share(tuned["left"]))
+    cells.append(_share(~np.asarray(tuned["good"])))
+    milliseconds = result["tick_us"] / 1e3
+    cells += [f"{milliseconds:.2g}", str(result["state_bytes"])]
+    return "| " + " | ".join(cells) + " |"
+
+
+def _headline(ranked: list[dict[str, Any]]) -> str:
+    """Who wins, and by how much over the best law of the paper."""
+    best = ranked[0]
+    label = BY_NAME[best["law"]].label
+    name = f"**{label} wins**"
+    papers = [r for r in ranked if r["law"] in PAPER_LAWS]
+    others = [r for r in ranked if r["law"] not in PAPER_LAWS]
+    if not papers or not others:
+        return f"{name}."
+    rival = others[0] if best["law"] in PAPER_LAWS else papers[0]
+    whose = "other law" if best["law"] in PAPER_LAWS else "law of the paper"
+    first, second = _costs(best), _costs(rival)
+    interval = paired_difference(first, second)["interval"]
+    if interval is not None and interval[0] <= 0.0:
+        name = f"**{label} is first, and not told from the best {whose}**"
+    return (
+        f"{name}: {BY_NAME[rival['law']].label} costs {_interval(first, second)} more, "
+        f"{_mean_cost(rival):.3g} against {_mean_cost(best):.3g}."
+    )
+
+
+def _costs(result: dict[str, Any], when: str = "tuned") -> np.ndarray:
+    costs = np.asarray(result[when]["cost"])
+    return np.where(np.asarray(result[when]["good"]), costs, np.inf)
+
+
+def _failed(result: dict[str, Any]) -> int:
+    return int(np.sum(~np.asarray(result["tuned"]["good"])))
+
+
+def _mean(values: list[float], of: dict[str, Any]) -> float:
+    good = np.asarray(of["good"])
+    return float(np.asarray(values)[good].mean()) if good.any() else float("nan")
+
+
+def _mean_cost(result: dict[str, Any]) -> float:
+    return _mean(result["tuned"]["cost"], result["tuned"])
+
+
+def _interval(first: np.ndarray, second: np.ndarray) -> str:
+    pairs = paired_difference(first, second)
+    if pairs["interval"] is None:
+        return "–"
+    low, high = pairs["interval"]
+    return f"{pairs['difference']:.2g} [{low:.2g}, {high:.2g}]"
+
+
+def _share(events: Any) -> str:
+    k, n = int(np.sum(events)), len(events)
+    low, high = clopper_pearson(k, n)
+    return f"{k}/{n} [{low:.2f}, {high:.2f}]"
+
+
+def figure(results: list[dict[str, Any]]) -> Any:
+    """Error of the heading against the way of the mass angle, start to tuned.
+
+    Args:
+        results: what was kept of each law.
+    """
+    drawn = new_figure(6.4, 4.4)
+    axes = drawn.add_subplot()
+    measures = "angle [rad]", "heading [rad]"
+    for result in results:
+        places = [
+            [_mean(result[when]["measures"][m], result[when]) for m in measures]
+            for when in ("start", "tuned")
+        ]
+        (x0, y0), (x1, y1) = places
+        axes.plot([x0, x1], [y0, y1], color="0.8", linewidth=0.8, zorder=1)
+        paper = result["law"] in PAPER_LAWS
+        axes.plot(x1, y1, "o" if paper else "s", color="C0" if paper else "C1")
+        axes.annotate(
+            BY_NAME[result["law"]].label,
+            (x1, y1),
+            xytext=(4, 3),
+            textcoords="offset points",
+            fontsize=7,
+        )
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.margins(x=0.15, y=0.08)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("{x:g}")
+    axes.set_xlabel("way of the mass angle [rad], tuned; lines from the start")
+    axes.set_ylabel("L2 of the heading error [rad]")
+    return drawn
