@@ -17,7 +17,7 @@ from jaxglider.control.textbook.linear_design import STATES, linear_model, trim_
 from jaxglider.core.riccati import regulator_gain, sampled
 from jaxglider.export.autopilot import autopilot_source
 from jaxglider.export.vectors import fly, sea
-from jaxglider.onboard.autopilot import autopilot
+from jaxglider.onboard.of_loop import autopilot
 from jaxglider.signals import BodyAxes, Command, GliderState, Measurement, zeros
 from jaxglider.vehicle.plant import rigid_body_plant
 from jaxglider.vehicle.published import load_vehicle
