@@ -30,7 +30,7 @@ from jaxglider.export.autopilot import autopilot_source
 from jaxglider.export.cost import cost_of
 from jaxglider.files.gains import encode_gains
 from jaxglider.files.writing import provenance, write_json, write_text
-from jaxglider.onboard.autopilot import autopilot
+from jaxglider.onboard.of_loop import autopilot
 from jaxglider.plotting.save import save
 from jaxglider.plotting.style import look
 from tuning.cli.options.arguments import CONTROLLERS, PLANTS, SCENARIOS

@@ -9,8 +9,8 @@ import pytest
 from jaxglider import paper
 from jaxglider.export.plant import PlantState, drift, truth_of
 from jaxglider.export.vectors import replay
-from jaxglider.onboard.autopilot import autopilot
 from jaxglider.onboard.guard import BITS, STATUS, Guard, status_names
+from jaxglider.onboard.of_loop import autopilot
 from jaxglider.signals import BodyAxes, Command, GliderState, map_fields, zeros
 from jaxglider.vehicle.actuators import Actuator
 

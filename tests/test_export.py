@@ -22,8 +22,8 @@ from jaxglider.export.c.block import ExportError
 from jaxglider.export.columns import columns_text
 from jaxglider.export.plant import plant_source
 from jaxglider.export.vectors import broken, fly, replay, sea, window
-from jaxglider.onboard.autopilot import autopilot
 from jaxglider.onboard.guard import BITS, Guard, status_names
+from jaxglider.onboard.of_loop import autopilot
 from jaxglider.signals import GliderState, zeros
 
 needs_compiler = pytest.mark.skipif(

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from jaxglider import paper
-from jaxglider.onboard.autopilot import autopilot
 from jaxglider.onboard.guard import status_names
+from jaxglider.onboard.of_loop import autopilot
 from jaxglider.signals import GliderState
 from jaxglider.simulation.rollout import simulate
 

@@ -25,6 +25,8 @@ from jaxglider.navigation.sensing.instrument import Compass, Instrument
 from jaxglider.navigation.sensing.positioning import Positioning
 from jaxglider.navigation.sensing.readings import Instruments, Reading, Sensed
 from jaxglider.signals import GliderState
+from tuning.problem.spec import ProblemSpec
+from tuning.space.coordinates import tunable_paths
 
 KEY = jr.key(5)
 DT, TICKS = 0.5, 400
@@ -241,3 +243,16 @@ def test_gains_of_an_estimator_survive_a_file(name):
     assert type(again) is type(estimator)
     for a, b in zip(jax.tree.leaves(again), jax.tree.leaves(estimator), strict=True):
         assert float(a) == pytest.approx(float(b), rel=1e-12)
+
+
+def test_law_and_estimator_are_tuned_together_by_default():
+    loop = load_mission(mission_path("slocum-on-board")).loop
+    # Its law has no disturbance observer with numbers of its own.
+    assert ProblemSpec.of_loop(loop).paths == ("controller", "estimator")
+    own = build_mission({"sensors": {}}).loop
+    assert ProblemSpec.of_loop(own).paths == ("controller", "observer", "estimator")
+    free = [p for p in tunable_paths(loop) if p.startswith("estimator")]
+    assert {"estimator.mass_walk", "estimator.noise.depth"} <= set(free)
+    assert not any("model" in path or "gate" in path for path in free)
+    told = load_mission(mission_path("slocum-shallow")).loop
+    assert "estimator" not in ProblemSpec.of_loop(told).paths

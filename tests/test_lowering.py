@@ -226,9 +226,53 @@ def test_what_has_no_form_in_c_is_refused_by_name(function, name):
     assert "cannot be exported" in said
 
 
-def test_long_scans_and_wide_tables_are_refused():
-    said = _refused(lambda p, g: lax.fori_loop(0, 100, lambda n, v: v + g["y"], g["x"]))
-    assert "a scan of 100 steps" in said
+def grown(p, g):
+    """Arrays and loops as filters have them: products, slopes, places."""
+    x, y, k = g["x"], g["y"], g["k"]
+    square = jnp.sin(x + p["p"] * jnp.arange(100.0)).reshape(10, 10)
+    row = jnp.stack([x, y, x * y])
+
+    def turned(at):
+        step = lambda v, n: (jnp.sin(v) * y + 0.1 * n, v[0])
+        end, said = lax.scan(step, at, jnp.arange(70.0))
+        return end + said[3]
+
+    def within(carry, rows):
+        many, flag = carry
+        end, _ = lax.scan(lambda v, n: (jnp.cos(v + n), None), many, jnp.arange(80.0))
+        return (end, flag + k + (end[0] > rows)), end[:2]
+
+    (many, count), said = lax.scan(
+        within, (square[0], k), jnp.linspace(-1.0, 1.0, 12) * x, reverse=True
+    )
+    return [
+        square @ square.T,
+        square @ square[0],
+        jnp.diagonal(square),
+        jnp.diag(row),
+        row.at[1].set(y).at[0].add(x),
+        square.at[2, 3].add(y)[2],
+        jnp.pad(row, (1, 2), constant_values=y),
+        *jnp.split(row, [1]),
+        jax.jacfwd(turned)(row),
+        lax.fori_loop(0, 100, lambda n, v: 0.9 * v + y, x),
+        *(many, count, said),
+    ]
+
+
+@needs_compiler
+def test_loops_and_matrices_are_those_of_jax(tmp_path):
+    call = compiled(tmp_path, grown)
+    agree(call, grown, cases([-3.1, 1e-3, 0.4]), rtol=1e-12)
+    text = (tmp_path / "code.c").read_text()
+    assert text.count("for (int n = 0; n < 70; n++)") == 1
+    assert "real_product(" in text
+
+
+def test_wide_tables_and_places_known_on_board_only_are_refused():
+    said = _refused(lambda p, g: jnp.zeros(4).at[g["k"]].set(g["x"]))
+    assert "scatter" in said
+    assert "a place known on board only" in said
     wide = jnp.zeros((40, 40))
     said = _refused(lambda p, g: wide[g["k"], g["m"]])
     assert "1600 places" in said

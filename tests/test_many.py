@@ -14,7 +14,7 @@ from jaxglider import AttitudeSchedule, Schedule, WaypointPath, paper
 from jaxglider.environment.disturbances import Constant, GaussMarkov, Sinusoid, Sum
 from jaxglider.export.autopilot import autopilot_source
 from jaxglider.export.vectors import replay
-from jaxglider.onboard.autopilot import autopilot
+from jaxglider.onboard.of_loop import autopilot
 from jaxglider.signals import BodyAxes, GliderState, map_fields
 from jaxglider.simulation.rollout import evaluate
 

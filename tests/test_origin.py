@@ -24,8 +24,8 @@ from jaxglider.export.vectors import replay, through_the_map
 from jaxglider.files.mission import build_mission
 from jaxglider.files.results import write_trajectories
 from jaxglider.files.uncertainty import build_uncertainty
-from jaxglider.onboard.autopilot import autopilot
 from jaxglider.onboard.guard import BITS, Guard
+from jaxglider.onboard.of_loop import autopilot
 from jaxglider.onboard.pipe import ChildProcess, _asking
 from jaxglider.plotting.path import on_the_map
 from jaxglider.signals import GliderState

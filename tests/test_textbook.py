@@ -19,7 +19,7 @@ from jaxglider.control.textbook.linear_design import STATES, linear_model, trim_
 from jaxglider.core.riccati import regulator_gain, sampled
 from jaxglider.export.autopilot import autopilot_source
 from jaxglider.export.vectors import fly, sea
-from jaxglider.onboard.autopilot import autopilot
+from jaxglider.onboard.of_loop import autopilot
 from jaxglider.signals import (
     BodyAxes,
     Channels,

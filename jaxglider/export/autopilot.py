@@ -19,15 +19,20 @@ from jaxglider.export.c.source import (
     helper_text,
     write_function,
 )
-from jaxglider.onboard.autopilot import Autopilot, AutopilotState
 from jaxglider.onboard.guard import BITS, STATUS
-from jaxglider.signals import Command, GliderState, zeros
+from jaxglider.onboard.of_loop import Pilot
+from jaxglider.onboard.sensed import SensedAutopilot
+from jaxglider.signals import Command, zeros
 
 TEMPLATES = resources.files("jaxglider.export") / "templates"
 CONSTANTS = {"glider": "glider_gains", "plant": "plant_truth"}
 """Name of the constants of each part."""
 
-ORIGINS = {"north": "GLIDER_ORIGIN_NORTH", "east": "GLIDER_ORIGIN_EAST"}
+ORIGINS = {
+    f"{owner}{axis}": f"GLIDER_ORIGIN_{axis.upper()}"
+    for owner in ("", "fix_")
+    for axis in ("north", "east")
+}
 """Measured positions are true ones, in double precision; what is taken off them."""
 
 STRICT = "-std=c99 -pedantic -Wall -Wextra -Werror"
@@ -41,7 +46,7 @@ class MeasurementInput(eqx.Module):
     """
 
     time: Scalar
-    state: GliderState
+    told: Any
 
 
 class CommandOutput(eqx.Module):
@@ -74,7 +79,7 @@ class Source:
     structures: dict[str, Structure]
 
 
-def autopilot_source(pilot: Autopilot, about: str) -> Source:
+def autopilot_source(pilot: Pilot, about: str) -> Source:
     """The autopilot as glider.h and glider.c.
 
     Args:
@@ -87,7 +92,8 @@ def autopilot_source(pilot: Autopilot, about: str) -> Source:
     """
     check_precision(pilot)
     state = jax.eval_shape(pilot.init)
-    measured = MeasurementInput(pilot.dt, zeros(GliderState, pilot.dt))
+    sensed = isinstance(pilot, SensedAutopilot)
+    measured = MeasurementInput(pilot.dt, pilot.untold())
     plan = jax.eval_shape(pilot.plan, state, pilot.dt)
     structures = {
         "parameters": Structure(
@@ -100,9 +106,11 @@ def autopilot_source(pilot: Autopilot, about: str) -> Source:
         ),
         "measurement": Structure(
             "glider_measurement",
-            "What was measured at the start of the tick; NaN where it is missing.",
+            "Newest samples of the sensors; NaN where a number is missing."
+            if sensed
+            else "What was measured at the start of the tick; NaN where it is missing.",
             measured,
-            hidden=("state",),
+            hidden=("told", "sensed", "value"),
             origins=ORIGINS,
         ),
         "reference": Structure(
@@ -129,18 +137,18 @@ def autopilot_source(pilot: Autopilot, about: str) -> Source:
 
 
 def _autopilot_functions(
-    pilot: Autopilot, structures: dict[str, Structure], shared: Functions
+    pilot: Pilot, structures: dict[str, Structure], shared: Functions
 ) -> dict[str, Written]:
-    def init(p: Autopilot) -> AutopilotState:
+    def init(p: Pilot) -> Any:
         return p.init()
 
-    def plan(p: Autopilot, state: AutopilotState, m: MeasurementInput) -> Any:
+    def plan(p: Pilot, state: Any, m: MeasurementInput) -> Any:
         return p.plan(state, m.time)
 
     def step(
-        p: Autopilot, state: AutopilotState, m: MeasurementInput, planned: Any
-    ) -> tuple[AutopilotState, CommandOutput]:
-        after, command, status = p.step(state, m.time, m.state, planned)
+        p: Pilot, state: Any, m: MeasurementInput, planned: Any
+    ) -> tuple[Any, CommandOutput]:
+        after, command, status = p.step(state, m.time, m.told, planned)
         return after, CommandOutput(command, status)
 
     state, measurement = structures["state"], structures["measurement"]
@@ -199,7 +207,7 @@ def check_precision(tree: Any) -> None:
         )
 
 
-def _status_text(pilot: Autopilot) -> str:
+def _status_text(pilot: Pilot) -> str:
     lines = [
         f"/* The control tick [s]. */\n#define GLIDER_DT {float(pilot.dt)!r}\n",
         "/* Taken off measured positions in double precision, at once: the rest, in "

@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-from jaxglider.export.autopilot import ORIGINS, Source
+from jaxglider.export.autopilot import Source
 from jaxglider.export.c.fields import Field
 from jaxglider.export.c.source import Structure
+from jaxglider.export.sensing import ANTENNA
 
 FLOAT_ALLOWANCES = {"COMMAND_FLOAT": 5e-2, "STATE_FLOAT": 2e-2}
 """Largest relative difference in single precision; see the text of `parity.c`."""
@@ -47,9 +48,10 @@ def columns_text(
 {_writer("write_command", structures["command"], "glider_command")}
 {_limits(structures["parameters"].fields())}
 {_spoiler(structures["reference"])}
+{_believable(structures["measurement"].fields())}
 #ifdef PLANT_H
 {_reader("read_force", plant.structures["force"], "plant_force")}
-{_plant(plant.structures["state"].fields())}
+{_plant(plant.structures["state"].fields(), structures["measurement"].fields())}
 #endif
 #endif
 """
@@ -86,7 +88,7 @@ def _limits(parameters: Sequence[Field]) -> str:
     names = [
         f.name
         for f in parameters
-        if f.name.startswith("actuators_")
+        if f.name.removeprefix("pilot_").startswith("actuators_")
         and f.name.endswith("_limit")
         and "_rate_" not in f.name
     ]
@@ -102,19 +104,51 @@ def _spoiler(structure: Structure) -> str:
     )
 
 
-def _plant(state: Sequence[Field]) -> str:
+def _believable(measurement: Sequence[Field]) -> str:
+    """A row of small numbers made one that sensors could have given."""
+    lines = []
+    for at, field in enumerate(measurement):
+        if field.origin:
+            lines.append(f"row[{at}] += {field.origin};")
+        elif field.name.endswith("_time"):
+            lines.append(f"row[{at}] = row[0];")
+        elif field.kind == "bool":
+            lines.append(f"row[{at}] = 1.0;")
+    return _body("make_believable(double *row)", lines or ["(void)row;"])
+
+
+def _plant(state: Sequence[Field], measurement: Sequence[Field]) -> str:
     names = [f.name for f in state[:12]]
     commands = ("buoyancy_mass", "mass_position", "mass_angle")
-    measure = [
-        f"to->{n} = (double)from->{n} + {ORIGINS[n]};"
-        if n in ORIGINS
-        else f"to->{n} = from->{n};"
-        for n in names
-    ]
+    measure = ["to->time = (glider_real)time;"]
+    measure += [_measured(field) for field in measurement[1:]]
     write = [f"row[{k}] = (double)from->{n};" for k, n in enumerate(names)]
     steer = [f"to->{n} = from->{n};" for n in commands]
     return (
-        _body("measure(const plant_state *from, glider_measurement *to)", measure)
+        _body(
+            "measure(const plant_state *from, const double time, "
+            "glider_measurement *to)",
+            measure,
+        )
         + _body("write_state(const plant_state *from, double *row)", write)
         + _body("steer(const glider_command *from, plant_command *to)", steer)
     )
+
+
+def _measured(field: Field) -> str:
+    """A field of the measurement, from a glider whose sensors have no errors."""
+    name, to = field.name, f"to->{field.name}"
+    if name.startswith("echo"):
+        return f"{to} = {'false' if field.kind == 'bool' else 'REAL(0.0)'};"
+    if name == "fix_valid":
+        return f"{to} = from->depth < REAL({ANTENNA!r});"
+    if field.kind == "bool":
+        return f"{to} = true;"
+    if name.endswith("_time"):
+        return f"{to} = (glider_real)time;"
+    if name.startswith("position_"):
+        return f"{to} = from->held_{name.removeprefix('position_')};"
+    own = name.removeprefix("fix_")
+    if field.origin:
+        return f"{to} = (double)from->{own} + {field.origin};"
+    return f"{to} = from->{own};"

@@ -38,6 +38,7 @@ _CLASSES = {
         *("and", "or", "xor", "not", "convert", "shift", "bits", "look_up", "table"),
     ),
 }
+_PRODUCT = ("additions", "multiplications")
 _CYCLES = {
     "additions": (1, 65),
     "multiplications": (1, 65),
@@ -105,9 +106,14 @@ def _counted(
     for statement in statements:
         if not statement.varies or statement.operation == "load":
             continue
-        kind, _, function = statement.operation.partition(" ")
+        kind, *rest = statement.operation.split(" ")
         if kind == "call":
-            counts += _counted(inside[function], inside)
+            counts += _counted(inside[rest[0]], inside)
+        elif kind == "product":
+            counts += Counter(dict.fromkeys(_PRODUCT, int(rest[0])))
+        elif kind == "loop":
+            once = _counted(inside[rest[1]], inside)
+            counts += Counter({k: int(rest[0]) * n for k, n in once.items()})
         else:
             counts[_class_of(kind)] += 1
     return counts

@@ -9,11 +9,12 @@ import jax.numpy as jnp
 from jax import export
 
 from jaxglider.export.c.fields import Field, fields_of
-from jaxglider.onboard.autopilot import Autopilot
-from jaxglider.signals import GliderState, zeros
+from jaxglider.onboard.of_loop import Pilot
+from jaxglider.onboard.samples import Samples
+from jaxglider.simulation.origin import Origin
 
 
-def stablehlo(pilot: Autopilot) -> dict[str, str]:
+def stablehlo(pilot: Pilot) -> dict[str, str]:
     """Three functions of scalars as text of MLIR, and what their arguments are.
 
     Gains are constants in it, and measured positions are true ones. Arguments and
@@ -27,16 +28,11 @@ def stablehlo(pilot: Autopilot) -> dict[str, str]:
     """
     state = jax.eval_shape(pilot.init)
     time = jnp.zeros_like(pilot.dt)
-    measured = zeros(GliderState, pilot.dt)
+    measured = pilot.untold()
     planned = jax.eval_shape(pilot.plan, state, time)
 
-    def step(state: Any, time: Any, measured: GliderState, planned: Any) -> Any:
-        local = dataclasses.replace(
-            measured,
-            north=measured.north - pilot.origin.north,
-            east=measured.east - pilot.origin.east,
-        )
-        return pilot.step(state, time, local, planned)
+    def step(state: Any, time: Any, measured: Any, planned: Any) -> Any:
+        return pilot.step(state, time, _off_the_map(measured, pilot.origin), planned)
 
     functions: dict[str, tuple[Any, dict[str, Any], tuple[str, ...]]] = {
         "init": (pilot.init, {}, ("state",)),
@@ -68,6 +64,18 @@ def stablehlo(pilot: Autopilot) -> dict[str, str]:
             ],
         }
     return {**texts, "arguments.json": json.dumps(about, indent=2) + "\n"}
+
+
+def _off_the_map(measured: Any, origin: Origin) -> Any:
+    """A measurement, or samples, from true positions."""
+    if isinstance(measured, Samples):
+        fix = measured.fix and _off_the_map(measured.fix, origin)
+        return dataclasses.replace(measured, fix=fix)
+    return dataclasses.replace(
+        measured,
+        north=measured.north - origin.north,
+        east=measured.east - origin.east,
+    )
 
 
 def _named(name: str, tree: Any) -> list[dict[str, str]]:

@@ -17,8 +17,12 @@ from jax import lax
 from jaxglider.core.containers import Scalar, Series
 from jaxglider.environment.water import relative_to_water
 from jaxglider.export.plant import PlantState, drift, truth_of
-from jaxglider.onboard.autopilot import Autopilot, AutopilotState
+from jaxglider.export.sensing import ideal, sampled, unseen
+from jaxglider.navigation.sensing.readings import InstrumentSamples
 from jaxglider.onboard.guard import BITS
+from jaxglider.onboard.of_loop import Pilot
+from jaxglider.onboard.samples import Samples
+from jaxglider.onboard.sensed import SensedAutopilot
 from jaxglider.signals import BodyAxes, Command, GliderState, map_fields, zeros
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.origin import Origin
@@ -29,7 +33,7 @@ class TickLog(eqx.Module):
 
     Attributes:
         time: reading of the clock [s].
-        measured: measurement.
+        measured: measurement, or samples.
         planned: plan of the reference.
         command: command of the autopilot [kg, m, rad].
         status: status word of the autopilot.
@@ -38,16 +42,14 @@ class TickLog(eqx.Module):
     """
 
     time: Scalar
-    measured: GliderState
+    measured: Any
     planned: Any
     command: Command[Scalar]
     status: jax.Array
     segment: jax.Array
 
 
-def _tick(
-    pilot: Autopilot, state: AutopilotState, time: Scalar, measured: GliderState
-) -> tuple[AutopilotState, TickLog]:
+def _tick(pilot: Pilot, state: Any, time: Scalar, measured: Any) -> tuple[Any, TickLog]:
     planned = pilot.plan(state, time)
     after, command, status = pilot.step(state, time, measured, planned)
     whole = [
@@ -66,10 +68,15 @@ def _tick(
     )
 
 
-def through_the_map(state: GliderState, origin: Origin) -> GliderState:
+def through_the_map(state: Any, origin: Origin) -> Any:
     """A measurement as it comes back from its true position, as C code rounds it."""
     if not origin.moved:
         return state
+    if isinstance(state, Samples):
+        if state.fix is None:
+            return state
+        fix = through_the_map(state.fix, origin)
+        return eqx.tree_at(lambda s: s.fix, state, fix)
     # A barrier: a compiler must not take off at once what it has just put on.
     true = lax.optimization_barrier(
         (state.north + origin.north, state.east + origin.east)
@@ -82,16 +89,16 @@ def through_the_map(state: GliderState, origin: Origin) -> GliderState:
 
 
 @jax.jit
-def replay(pilot: Autopilot, times: Series, measured: GliderState) -> TickLog:
+def replay(pilot: Pilot, times: Series, measured: Any) -> TickLog:
     """Ticks of an autopilot under recorded measurements.
 
     Args:
         pilot: the autopilot, from its initial state on.
         times: readings of its clock [s].
-        measured: measurement at each of them.
+        measured: measurement, or samples, at each of them.
     """
 
-    def tick(state: AutopilotState, inputs: Any) -> tuple[AutopilotState, TickLog]:
+    def tick(state: Any, inputs: Any) -> tuple[Any, TickLog]:
         return _tick(pilot, state, *inputs)
 
     return lax.scan(tick, pilot.init(), (times, measured))[1]
@@ -99,7 +106,10 @@ def replay(pilot: Autopilot, times: Series, measured: GliderState) -> TickLog:
 
 @jax.jit
 def fly(
-    pilot: Autopilot, loop: ClosedLoop, forces: BodyAxes[Series]
+    pilot: Pilot,
+    loop: ClosedLoop,
+    forces: BodyAxes[Series],
+    drawn: InstrumentSamples | None = None,
 ) -> tuple[TickLog, GliderState]:
     """The autopilot steering the glider of a closed loop.
 
@@ -107,6 +117,8 @@ def fly(
         pilot: the autopilot.
         loop: closed loop with the glider.
         forces: external force of each tick, constant within it [N, N m].
+        drawn: chance of the sensors at each tick; None for sensors without errors. An
+            autopilot that is told its state has none.
 
     Returns:
         The ticks, and the glider's state at the end of each.
@@ -119,15 +131,27 @@ def fly(
     )
     times = jnp.arange(forces.surge.shape[0], dtype=clock.dtype) * clock
 
+    def told(seen: Any, time: Scalar, afloat: PlantState, row: Any) -> tuple[Any, Any]:
+        if not isinstance(pilot, SensedAutopilot):
+            return relative_to_water(truth.water, afloat.state, time)[0], None
+        if row is None:
+            return ideal(pilot, time, afloat), None
+        now = sampled(loop, seen, time, afloat, row)
+        return now.samples, now
+
     def tick(carry: Any, inputs: Any) -> tuple[Any, Any]:
-        (state, afloat), (time, force) = carry, inputs
-        seen, _ = relative_to_water(truth.water, afloat.state, time)
-        measured = through_the_map(seen, scenario.origin)
+        (state, afloat, seen), (time, force, row) = carry, inputs
+        measured, seen = told(seen, time, afloat, row)
+        measured = through_the_map(measured, scenario.origin)
         after, log = _tick(pilot, state, time, measured)
         following = drift(loop, truth, afloat, log.command, force)
-        return (after, following), (log, following.state)
+        return (after, following, seen), (log, following.state)
 
-    return lax.scan(tick, (pilot.init(), start), (times, forces))[1]
+    first = None
+    if isinstance(pilot, SensedAutopilot) and drawn is not None:
+        first = unseen(loop, pilot)
+    begun = (pilot.init(), start, first)
+    return lax.scan(tick, begun, (times, forces, drawn))[1]
 
 
 def sea(loop: ClosedLoop, ticks: int, hold: int = 1) -> BodyAxes[Series]:
@@ -161,14 +185,12 @@ def window(log: TickLog, ticks: int) -> slice:
     return slice(first, first + ticks)
 
 
-def broken(
-    times: np.ndarray, measured: GliderState, seed: int
-) -> tuple[np.ndarray, GliderState]:
+def broken(times: np.ndarray, measured: Any, seed: int) -> tuple[np.ndarray, Any]:
     """Measurements and clock spoiled in bursts, good again in between.
 
     Args:
         times: readings of the clock [s].
-        measured: measurements, with a leading time axis.
+        measured: measurements or samples, with a leading time axis.
         seed: seed of the faults.
     """
     draw = np.random.default_rng(seed)
@@ -178,6 +200,8 @@ def broken(
 
     def spoil(x: Any) -> np.ndarray:
         hit = faulty & (draw.random(count) < 0.3)
+        if np.asarray(x).dtype == bool:
+            return np.asarray(x) ^ hit
         return np.where(hit, draw.choice(wild, count), np.asarray(x))
 
     clock = np.array(times, dtype=float)

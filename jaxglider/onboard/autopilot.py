@@ -27,16 +27,14 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from jaxglider.control.controller import AbstractController
 from jaxglider.control.observer import AbstractObserver
-from jaxglider.core.containers import Counter, Flag, Scalar, concrete
+from jaxglider.core.containers import Counter, Flag, Scalar
 from jaxglider.core.numerics import saturate
 from jaxglider.core.rotations import Attitude
 from jaxglider.guidance.obedience import informed, obeyed
 from jaxglider.guidance.reference import AbstractReference
-from jaxglider.guidance.routes import route_of
 from jaxglider.onboard.guard import (
     BITS,
     MANY,
@@ -58,7 +56,6 @@ from jaxglider.signals import (
     map_fields,
     zeros,
 )
-from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.origin import MAP_ZERO, Origin
 from jaxglider.vehicle.actuators import Actuator, follow_all
 
@@ -113,6 +110,10 @@ class Autopilot(eqx.Module):
     guard: Guard
     origin: Origin = eqx.field(static=True, default=MAP_ZERO)
 
+    def untold(self) -> GliderState:
+        """A measurement of nothing but zeros: the form of its input."""
+        return zeros(GliderState, self.dt)
+
     def init(self) -> AutopilotState:
         """Everything before the first tick."""
         zero = jnp.zeros_like(self.dt)
@@ -140,7 +141,14 @@ class Autopilot(eqx.Module):
         return jax.tree.map(lambda x: x[0], self.reference.plan(now[None]))
 
     def step(
-        self, state: AutopilotState, time: Scalar, measured: GliderState, planned: Any
+        self,
+        state: AutopilotState,
+        time: Scalar,
+        measured: GliderState,
+        planned: Any,
+        *,
+        altitude: Scalar | None = None,
+        current: tuple[Scalar, Scalar] | None = None,
     ) -> tuple[AutopilotState, Command[Scalar], Counter]:
         """One control tick.
 
@@ -150,6 +158,8 @@ class Autopilot(eqx.Module):
             measured: the measurement; NaN where a number is missing (`GliderState`
                 refuses NaN where it is built: put it there with `eqx.tree_at`).
             planned: row of `plan`, or numbers of one's own.
+            altitude: height over the bottom [m], or None where nothing tells it.
+            current: current that is reckoned with, north and east [m/s], or None.
 
         Returns:
             The next state, the command for the actuators and the status word.
@@ -168,6 +178,8 @@ class Autopilot(eqx.Module):
             attitude=attitude,
             applied=state.held,
             disturbance=self.observer.estimate(observer),
+            altitude=altitude,
+            current=current,
         )
         aim, guidance = self._guide(state, planned, known)
         wanted, controller, controller_reset = self._decide(
@@ -184,8 +196,9 @@ class Autopilot(eqx.Module):
             "reference_held": replaced,
             "command_held": ~usable & ~lost,
             "state_reset": afresh | observer_reset | controller_reset,
-            "saturated": ~all_of(map_fields(is_within, target, self._limits())),
+            "saturated": ~all_of(map_fields(is_within, target, self.limits())),
             "finished": aim.finished,
+            "sample_refused": jnp.asarray(False),
         }
         after = AutopilotState(
             started=state.started | complete,
@@ -266,57 +279,12 @@ class Autopilot(eqx.Module):
             lambda a: dataclasses.replace(a, failure=None), self.actuators
         )
         moved = follow_all(intact, held, target, self.dt, depth=depth)
-        sent = map_fields(saturate, target, self._limits())
+        sent = map_fields(saturate, target, self.limits())
         command = map_fields(
             lambda s, m, a: m if a.time_constant is None else s, sent, moved, intact
         )
         return command, moved
 
-    def _limits(self) -> Command[Scalar]:
+    def limits(self) -> Command[Scalar]:
+        """Limits of the actuators [kg, m, rad]."""
         return map_fields(lambda a: a.limit, self.actuators)
-
-
-def autopilot(loop: ClosedLoop, guard: Guard | None = None) -> Autopilot:
-    """The autopilot of a closed loop, as it stands on board.
-
-    Args:
-        loop: the closed loop; vehicle, sea and sensors are left behind.
-        guard: limits of believable inputs; the default ones if None.
-
-    Raises:
-        ValueError: where the loop starts or is to go is not believed by the guard.
-    """
-    scenario, guard = loop.scenario, Guard() if guard is None else guard
-    guard = guard.for_ticks(scenario.clock.dt)
-    _refuse_disbelieved(loop, guard)
-    return Autopilot(
-        controller=loop.controller.on_board(),
-        observer=loop.observer,
-        reference=scenario.reference,
-        actuators=scenario.actuators,
-        dt=scenario.clock.dt,
-        guard=guard,
-        origin=scenario.origin,
-    )
-
-
-def _refuse_disbelieved(loop: ClosedLoop, guard: Guard) -> None:
-    """Refuse a loop whose own measurements the autopilot would take for broken."""
-    scenario, ranges = loop.scenario, guard.ranges()
-    places = {
-        f"initial_state.{name}": (value, getattr(ranges, name))
-        for name, value in vars(scenario.initial_state).items()
-    }
-    path = route_of(scenario.reference)
-    if path is not None:
-        for name in ("north", "east"):
-            value = getattr(path, name)
-            places[f"waypoints.{name}"] = value, guard.position
-    for name, (value, limit) in places.items():
-        seen = concrete(value)
-        if seen is not None and not np.all(np.abs(seen) <= float(limit)):
-            raise ValueError(
-                f"{name} must be within {float(limit):g}, as far as the autopilot "
-                "believes a measurement (positions from the start, if that is far from "
-                f"zero); received {float(np.max(np.abs(seen))):g}. It would not steer."
-            )

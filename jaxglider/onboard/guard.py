@@ -33,6 +33,7 @@ STATUS = {
     "state_reset": "controller or observer started afresh",
     "saturated": "the law asked for more than an actuator has",
     "finished": "the last waypoint is reached: the last command held",
+    "sample_refused": "a sensor's sample was not valid, no number, or out of range",
 }
 """Bits of the status word, from the lowest on, and what they say."""
 
@@ -183,7 +184,7 @@ def sound(tree: Any) -> Flag:
     """All numbers of a state are finite and of believable size."""
     return all_of(
         [
-            jnp.all(is_within(x, jnp.asarray(SOUND, x.dtype)))
+            jnp.all(jnp.abs(x) <= jnp.asarray(SOUND, x.dtype))
             for x in jax.tree.leaves(tree)
             if jnp.issubdtype(x.dtype, jnp.floating)
         ]

@@ -127,6 +127,23 @@ class Block:
             self._seen[key] = (Number(kind, name, varies),)
         return self._seen[key][0]
 
+    def loop(
+        self,
+        defines: Sequence[tuple[str, str]],
+        text: str,
+        operands: Sequence[Number],
+        operation: str,
+    ) -> None:
+        """A loop and the arrays that it fills.
+
+        Args:
+            defines: elements of the arrays and their kinds.
+            text: declarations and the loop.
+            operands: numbers and arrays that it needs.
+            operation: kind of operation, for their count.
+        """
+        self._add(tuple(defines), text, operands, operation, True)
+
     def load(self, kind: str, name: str, text: str) -> Number:
         """A field of a structure, read before anything is written."""
         line = f"const {C_TYPES[kind]} {name} = {text};"

@@ -2,8 +2,9 @@
 
 The trace is what JAX itself compiles, so the C code cannot drift from it: any
 controller that can be simulated is written out the same way. Covered are the
-elementwise primitives of `operations`, the rearrangements of `shapes`, nested calls,
-`cond`, and `scan` of a fixed number of steps; anything else is refused by name.
+elementwise primitives of `operations`, the rearrangements of `shapes`, what `indexing`
+takes and puts, nested calls, `cond`, and the `loops` of `scan`; anything else is
+refused by name.
 
 Calls that come again and again become functions of their own. The elementary functions
 of `elementary` depend on the floating format and are written for both.
@@ -18,6 +19,8 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, Literal
 
 from jaxglider.export.c.block import Block, ExportError, Number
+from jaxglider.export.c.indexing import dynamic_slice, gather, pad, scatter
+from jaxglider.export.c.loops import scan
 from jaxglider.export.c.operations import apply, covered, unsupported
 from jaxglider.export.c.outlined import (
     ELEMENTARY,
@@ -32,10 +35,7 @@ from jaxglider.export.c.shapes import (
     Array,
     constant,
     dot,
-    dynamic_slice,
     fold,
-    gather,
-    parts_of_scan,
     rearranged,
     running,
     whole,
@@ -43,9 +43,6 @@ from jaxglider.export.c.shapes import (
 
 WORTH_A_FUNCTION = 12
 """Calls with fewer equations than this are written in line."""
-
-MAX_SCAN = 64
-"""Longest scan that is written out."""
 
 _REDUCTIONS = {
     "reduce_sum": "add",
@@ -73,6 +70,10 @@ class Lowering:
 
     def __init__(self, block: Block, functions: Functions) -> None:
         self.block, self.functions = block, functions
+
+    def within(self, block: Block) -> "Lowering":
+        """The same for another function of the file."""
+        return Lowering(block, self.functions)
 
     def closed(self, closed: Any, arguments: Sequence[Array]) -> list[Array]:
         """The results of a jaxpr with its constants."""
@@ -114,12 +115,15 @@ class Lowering:
         if name == "cond":
             return self._cond(params["branches"], x)
         if name == "scan":
-            return self._scan(equation, x)
+            return scan(self, equation, x)
         if name == "optimization_barrier":
             return x
         if name == "unstack":
             parts = range(len(equation.outvars))
             return [np.take(x[0], n, axis=params["axis"]) for n in parts]
+        if name == "split":
+            ends = np.cumsum(params["sizes"])[:-1]
+            return np.split(x[0], ends, axis=params["axis"])
         if all(n.value is not None for a in x for n in a.ravel()):
             return self._folded(equation, x)
         shape = tuple(equation.outvars[0].aval.shape)
@@ -160,6 +164,10 @@ class Lowering:
             return dot(block, x, params["dimension_numbers"], kind)
         if name == "gather":
             return gather(block, x, shape, params)
+        if name == "pad":
+            return pad(x, params["padding_config"])
+        if name in ("scatter", "scatter-add"):
+            return scatter(block, name, x, params)
         if name == "dynamic_slice":
             return dynamic_slice(block, x, params["slice_sizes"])
         return None
@@ -187,28 +195,6 @@ class Lowering:
             ]
             selections.append(whole(numbers, cases[0].shape))
         return selections
-
-    def _scan(self, equation: Any, x: list[Array]) -> list[Array]:
-        """All steps are written out."""
-        params = equation.params
-        if (steps := params["length"]) > MAX_SCAN:
-            raise ExportError(
-                f"a scan of {steps} steps cannot be exported; at most {MAX_SCAN}."
-            )
-        first, count = parts_of_scan(equation)
-        constants, carry = x[:first], x[first : first + count]
-        rows = x[first + count :]
-        order = range(steps)
-        outputs: list[list[Array]] = []
-        for n in reversed(order) if params["reverse"] else order:
-            inputs = [np.asarray(r[n], dtype=object) for r in rows]
-            results = self.closed(params["jaxpr"], [*constants, *carry, *inputs])
-            carry = results[:count]
-            outputs.append(results[count:])
-        if params["reverse"]:
-            outputs.reverse()
-        stacked = [np.stack(column) for column in zip(*outputs, strict=True)]
-        return [*carry, *stacked]
 
     def _call(self, closed: Any, x: list[Array]) -> Sequence[Array]:
         inner = opened(closed)

@@ -208,6 +208,11 @@ def _logistic(block: Block, x: Sequence[Number], kind: str, params: Any) -> Numb
     return apply(block, "div", (one, below), kind, {})
 
 
+def _sum_of_slopes(block: Block, x: Sequence[Number], kind: str, params: Any) -> Number:
+    """The sum of derivatives, which has a primitive of its own."""
+    return apply(block, "add", x, kind, {})
+
+
 def _is_finite(block: Block, x: Sequence[Number], kind: str, params: Any) -> Number:
     return block.compute(kind, f"isfinite({x[0].text}) != 0", x, "is_finite")
 
@@ -269,6 +274,7 @@ def _bits(block: Block, x: Sequence[Number], kind: str, params: Any) -> Number:
 
 
 _RULES: dict[str, Rule] = {
+    "add_any": _sum_of_slopes,
     "bitcast_convert_type": _bits,
     "clamp": _clamp,
     "convert_element_type": _convert,

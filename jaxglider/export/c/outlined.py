@@ -32,6 +32,20 @@ class Outlined:
     results: list[Number]
     block: Block
 
+    def signature(self) -> dict[str, str]:
+        """Declarations of its arguments by their names, the results' left out."""
+        return {
+            f"a{n}": f"const {C_TYPES[k]} a{n}" for n, k in enumerate(self.arguments)
+        }
+
+    def addresses(self) -> list[str]:
+        """Declarations of the addresses of its results."""
+        return [f"{C_TYPES[r.kind]} *r{n}" for n, r in enumerate(self.results)]
+
+    def stores(self) -> list[str]:
+        """Statements that write the results."""
+        return [f"*r{n} = {r.text};" for n, r in enumerate(self.results)]
+
 
 @dataclasses.dataclass
 class Functions:

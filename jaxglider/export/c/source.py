@@ -200,18 +200,16 @@ def helper_text(functions: Functions) -> str:
 
 
 def _static(function: Outlined) -> str:
-    signature = [f"const {C_TYPES[k]} a{n}" for n, k in enumerate(function.arguments)]
-    signature += [f"{C_TYPES[r.kind]} *r{n}" for n, r in enumerate(function.results)]
+    arguments = function.signature()
     statements = function.block.needed(function.results)
-    stores = [f"*r{n} = {r.text};" for n, r in enumerate(function.results)]
+    stores = function.stores()
     used = " ".join([*(s.text for s in statements), *stores])
     body = [
-        f"(void)a{n};"
-        for n in range(len(function.arguments))
-        if not re.search(rf"\ba{n}\b", used)
+        f"(void){name};" for name in arguments if not re.search(rf"\b{name}\b", used)
     ]
     body += [s.text for s in statements] + stores
-    return _function(f"static void {function.name}({', '.join(signature)})", body)
+    signature = ", ".join([*arguments.values(), *function.addresses()])
+    return _function(f"static void {function.name}({signature})", body)
 
 
 def constants_text(kind: str, name: str, tree: Any) -> str:

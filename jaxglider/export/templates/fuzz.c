@@ -73,9 +73,10 @@ int main(const int count, char **arguments)
             sound[k] = 0.99 * sound[k] + 0.05 * (uniform() - 0.5);
             given[k] = broken ? (double)wild(sound[k]) : sound[k];
         }
-        given[1] += GLIDER_ORIGIN_NORTH;
-        given[2] += GLIDER_ORIGIN_EAST;
         given[0] = broken ? (double)clock_reading(n, before) : (double)n * GLIDER_DT;
+        if (!broken) {
+            make_believable(given);
+        }
         read_measurement(given, &measurement);
         before = measurement.time;
         glider_plan(&state, &measurement, &reference);

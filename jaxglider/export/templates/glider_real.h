@@ -93,6 +93,22 @@ static inline int32_t real_to_int32(const glider_real a)
     return (int32_t)a;
 }
 
+/* The product of two matrices over their first index: r[i][j] = sum of a[n][i] b[n][j]. */
+static inline void real_product(
+    const glider_real *a, const glider_real *b, glider_real *r, const int size,
+    const int rows, const int columns)
+{
+    for (int i = 0; i < rows; i++) {
+        for (int j = 0; j < columns; j++) {
+            glider_real sum = a[i] * b[j];
+            for (int n = 1; n < size; n++) {
+                sum = sum + a[n * rows + i] * b[n * columns + j];
+            }
+            r[i * columns + j] = sum;
+        }
+    }
+}
+
 static inline glider_bits real_to_bits(const glider_real a)
 {
     glider_bits bits;

@@ -147,8 +147,7 @@ static int closed_loop(const char *name, const int rows)
             glider_reference reference;
             glider_command command;
             plant_command wanted;
-            measure(&afloat, &measurement);
-            measurement.time = (glider_real)((double)count * GLIDER_DT);
+            measure(&afloat, (double)count * GLIDER_DT, &measurement);
             glider_plan(&state, &measurement, &reference);
             glider_step(&state, &measurement, &reference, &command);
             steer(&command, &wanted);

@@ -13,7 +13,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxglider.core.containers import Scalar, as_float
+from jaxglider.core.containers import Flag, Scalar, as_float
 from jaxglider.core.sets import NOT_NEGATIVE, POSITIVE
 from jaxglider.navigation.sensing.instrument import Instrument, Samples
 from jaxglider.signals import GliderState
@@ -81,11 +81,38 @@ class Altimeter(Instrument):
             height: true height over the bottom [m].
             sample: row of the samples.
         """
-        echo = self.reading(height, sample)
+        echo, good = (
+            self.reading(height, sample),
+            sample.taken & self.sees(truth, height),
+        )
+        return self.heard(before, echo, good, sample.taken)
+
+    def sees(self, truth: GliderState, height: Scalar) -> Flag:
+        """Whether the bottom would give an echo.
+
+        Args:
+            truth: true state.
+            height: true height over the bottom [m].
+        """
         off = jnp.hypot(truth.pitch - self.lean, truth.roll)
-        seen = (off <= self.cone) & (truth.depth >= self.least_depth)
-        seen = seen & (height >= self.nearest) & (height <= self.farthest)
-        good, tried = sample.taken & seen, sample.taken
+        deep = truth.depth >= self.least_depth
+        return (off <= self.cone) & deep & self.in_range(height)
+
+    def in_range(self, height: Scalar) -> Flag:
+        """Whether a height is one that it measures."""
+        return (height >= self.nearest) & (height <= self.farthest)
+
+    def heard(
+        self, before: AltimeterState, echo: Scalar, good: Flag, tried: Flag
+    ) -> tuple[Scalar, AltimeterState]:
+        """The height that is believed [m], infinite for none, and the next state.
+
+        Args:
+            before: echoes so far.
+            echo: height that the newest echo tells [m].
+            good: flag, there is a new echo, and it is good.
+            tried: flag, it has listened for one.
+        """
         count = jnp.where(good, jnp.minimum(before.count + 1.0, _IN_A_ROW), 0.0)
         after = AltimeterState(
             newest=jnp.where(good, echo, before.newest),

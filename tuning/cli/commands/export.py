@@ -18,8 +18,8 @@ from jaxglider.export.stablehlo import stablehlo
 from jaxglider.files.gains import encode_law
 from jaxglider.files.mission import load_mission
 from jaxglider.files.writing import provenance, write_text
-from jaxglider.onboard.autopilot import autopilot
 from jaxglider.onboard.guard import Guard
+from jaxglider.onboard.of_loop import autopilot
 from jaxglider.signals import Command
 from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.cli.session.from_options import (
@@ -145,11 +145,17 @@ def _files(
     options: argparse.Namespace, loop: ClosedLoop, guard: Guard, title: str
 ) -> tuple[dict[str, str], Cost | None]:
     """Texts by name but for the gains, and what a tick costs where that can be said."""
+    if options.inputs == "sensors" and loop.scenario.instruments is None:
+        raise ValueError(
+            "--inputs sensors needs a mission with a table [sensors]; received one "
+            "without. Add the table, or leave the option out."
+        )
+    told_state = options.inputs == "state"
     if options.format == "stablehlo":
-        return stablehlo(autopilot(loop, guard)), None
+        return stablehlo(autopilot(loop, guard, told_state=told_state)), None
     if options.format != "c":
         return {}, None
-    made = export_c(loop, title, guard)
+    made = export_c(loop, title, guard, told_state=told_state)
     return dict(made.files), made.cost
 
 

@@ -17,6 +17,7 @@ from tuning.cli.options.arguments import (
 )
 
 FORMATS = ("c", "toml", "json", "stablehlo")
+INPUTS = ("sensors", "state")
 
 
 def add_export(commands: Any) -> None:
@@ -48,6 +49,13 @@ def add_export(commands: Any) -> None:
     )
     add_dt(parser)
     parser.add_argument("--format", choices=FORMATS, default="c", help="default: c")
+    parser.add_argument(
+        "--inputs",
+        choices=INPUTS,
+        help="what the code is told: raw samples of the mission's sensors, which it "
+        "makes its state of, or the state itself, as without sensors; default: "
+        "sensors where the mission has them",
+    )
     parser.add_argument(
         "--patience",
         type=positive,

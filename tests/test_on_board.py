@@ -1,0 +1,202 @@
+"""The autopilot on raw samples: as in simulation, in C, and through bad sensors."""
+
+import dataclasses
+
+import compiled_c
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from compiled_c import Onboard, columns
+
+from jaxglider.export.autopilot import autopilot_source
+from jaxglider.export.plant import PlantState, drift, truth_of
+from jaxglider.export.sensing import ideal
+from jaxglider.export.vectors import broken, fly, replay, sea
+from jaxglider.files.flight.missions import mission_path
+from jaxglider.files.mission import load_mission
+from jaxglider.navigation.catalogue import make_estimator
+from jaxglider.onboard.guard import BITS, status_names
+from jaxglider.onboard.of_loop import autopilot
+from jaxglider.signals import Command, zeros
+from jaxglider.simulation.rollout import with_ticks
+
+needs_compiler = pytest.mark.skipif(
+    compiled_c.COMPILER is None, reason="no C compiler on this machine"
+)
+TICKS, PART = 500, 1000
+FUZZED = 34_000
+"""For each of two estimators: 68,000 in all."""
+
+
+@pytest.fixture(scope="module")
+def mission():
+    """A Slocum on its sensors, its filter in one step a tick: quick to compile."""
+    return load_mission(mission_path("slocum-on-board")).loop
+
+
+def with_estimator(loop, name):
+    scenario = loop.scenario
+    estimator = make_estimator(name, loop.controller.model, scenario.instruments, 2)
+    return with_ticks(dataclasses.replace(loop, estimator=estimator), TICKS)
+
+
+@pytest.fixture(scope="module")
+def flown(mission, simulate_jit):
+    """A flight in simulation, and the autopilot flying through the same chance."""
+    loop = with_estimator(mission, "linear")
+    noise = loop.scenario.noise(jax.random.key(0))
+    ticks = simulate_jit(loop, loop.scenario.sea(jax.random.key(0)), noise).ticks
+    drawn = jax.tree.map(lambda x: x[:-1], noise.instruments)
+    log, _ = fly(autopilot(loop), loop, sea(loop, TICKS), drawn)
+    return ticks, log
+
+
+def test_with_sound_samples_it_flies_as_the_simulation_does(flown):
+    ticks, log = flown
+    for name, scale in (
+        ("buoyancy_mass", 0.2),
+        ("mass_position", 0.01),
+        ("mass_angle", 0.5),
+    ):
+        np.testing.assert_allclose(
+            getattr(log.command, name),
+            getattr(ticks.applied, name),
+            rtol=0,
+            atol=1e-9 * scale,
+        )
+    assert set(np.asarray(ticks.phase)) >= {0, 1, 2, 3}
+    assert np.ptp(np.asarray(log.command.mass_angle)) > 0.01
+    words = set(np.asarray(log.status)[1:].tolist())
+    assert words <= {0, BITS["saturated"]}
+    # Depth comes every 4 s, and now and then a sample is lost.
+    stamps = np.asarray(log.measured.sensed.depth.time)
+    assert 0 < np.sum(np.diff(stamps) == 0.0) < 20
+
+
+@pytest.fixture(scope="module")
+def spoilt(flown):
+    """Sound samples again and again, in bursts missing, absurd, stuck or jumping."""
+    _, log = flown
+    count = FUZZED // TICKS
+    rows = jax.tree.map(
+        lambda x: np.concatenate([np.asarray(x)] * count), (log.time, log.measured)
+    )
+    times, samples = np.arange(FUZZED) * 4.0, rows[1]
+    late = times - np.asarray(rows[0])
+    samples = eqx.tree_at(
+        lambda s: [x.time for x in (*s.sensed.fields(), s.echo, s.fix)],
+        samples,
+        [x.time + late for x in (*samples.sensed.fields(), samples.echo, samples.fix)],
+    )
+    clock, bad = broken(times, samples, seed=3)
+    draw = np.random.default_rng(4)
+    depth = np.array(bad.sensed.depth.value)
+    for start in range(300, FUZZED - 400, 900):
+        stuck, jump = slice(start, start + 40), slice(start + 200, start + 240)
+        depth[stuck] = depth[start]
+        depth[jump] += 30.0 * draw.standard_normal()
+    bad = eqx.tree_at(lambda s: s.sensed.depth.value, bad, depth)
+    # In parts of one length, each from the start: one program does for all.
+    parts = [slice(n, n + PART) for n in range(0, FUZZED, PART)]
+    return [jax.tree.map(lambda x, p=p: x[p], (clock, bad)) for p in parts]
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["linear", "fixed-time"])
+def test_compiled_code_follows_the_trace_through_bad_sensors(
+    mission, spoilt, name, tmp_path
+):
+    loop = with_estimator(mission, name)
+    pilot = autopilot(loop)
+    expected = np.concatenate([columns(replay(pilot, *part)) for part in spoilt])
+    onboard = Onboard(tmp_path, autopilot_source(pilot, "test"))
+    found = np.concatenate([onboard.replay(*part) for part in spoilt])
+    actuators = loop.scenario.actuators
+    limits = np.array([float(a.limit) for a in vars(actuators).values()])
+    for commands in (found, expected):
+        assert np.isfinite(commands).all()
+        assert (np.abs(commands[:, :3]) <= limits * (1 + 1e-15)).all()
+    words = {name for w in expected[:, 3] for name in status_names(int(w))}
+    assert {"sample_refused", "measurement_lost", "clock_invalid"} <= words
+    np.testing.assert_array_equal(found[:, 3], expected[:, 3])
+    assert (np.abs(found - expected)[:, :3] / limits).max() < 1e-10
+
+
+@pytest.fixture(scope="module")
+def sail(mission):
+    """Depth, pitch and belief in closed loop, the samples spoilt by a function."""
+    loop = with_estimator(mission, "fixed-time")
+    pilot, dt = autopilot(loop), loop.scenario.clock.dt
+
+    @jax.jit
+    def run(kinds):
+        truth, still = truth_of(loop), jax.tree.map(lambda f: f[0], sea(loop, 2))
+
+        def tick(carry, given):
+            (state, afloat), (time, kind) = carry, given
+            sound = ideal(pilot, time, afloat)
+            old = state.shown.depth
+            depth = sound.sensed.depth
+            value = jnp.where(kind == 1, jnp.nan, depth.value)
+            value = jnp.where(kind == 2, old, value)
+            value = jnp.where(kind == 3, value + 25.0, value)
+            stamp = jnp.where(kind == 4, state.stamps.depth, depth.time)
+            bad = eqx.tree_at(
+                lambda s: (s.sensed.depth.value, s.sensed.depth.time),
+                sound,
+                (value, stamp),
+            )
+            after, command, word = pilot.step(state, time, bad, pilot.plan(state, time))
+            following = drift(loop, truth, afloat, command, still)
+            known = pilot.estimator.estimate(after.estimator)
+            off = known.depth - afloat.state.depth
+            return (after, following), (off, following.state.pitch, word)
+
+        start = PlantState(
+            loop.scenario.initial_state, zeros(Command, dt), jnp.zeros_like(dt)
+        )
+        times = dt * jnp.arange(TICKS)
+        return jax.lax.scan(tick, (pilot.init(), start), (times, kinds))[1]
+
+    return run
+
+
+@pytest.mark.parametrize("kind", [1, 2, 3, 4], ids=["nan", "stuck", "jump", "silent"])
+def test_the_estimate_comes_back_from_a_bad_sensor(sail, kind):
+    kinds = np.zeros(TICKS, int)
+    kinds[150:190] = kind
+    off, pitch, words = map(np.asarray, sail(jnp.asarray(kinds)))
+    said = [set(status_names(int(w))) for w in words[150:190]]
+    lost = any("measurement_lost" in s for s in said)
+    assert lost == (kind in (1, 4))
+    assert ("sample_refused" in said[5]) == (kind == 1)
+    assert np.abs(off[150:190]).max() > 0.2
+    assert np.abs(off[260:]).max() < 1.0
+    assert np.isfinite(pitch).all()
+
+
+def test_what_no_glider_has_is_not_asked_for(mission):
+    loop = with_estimator(mission, "linear")
+    source = autopilot_source(autopilot(loop), "test")
+    names = {f.name for f in source.structures["measurement"].fields()}
+    assert names == {
+        "time",
+        *(f"{k}{of}" for k in SENSORS for of in ("", "_time", "_valid")),
+        *(f"position_{k}" for k in ("buoyancy_mass", "mass_position", "mass_angle")),
+        *(f"fix_{k}" for k in ("north", "east", "time", "valid")),
+    }
+    told = autopilot_source(autopilot(loop, told_state=True), "test")
+    names = {f.name for f in told.structures["measurement"].fields()}
+    assert {"surge", "yaw_rate", "north"} <= names
+
+
+SENSORS = ("depth", "roll", "pitch", "heading", "echo")
+
+
+def test_an_estimator_that_no_glider_has_is_refused(mission):
+    loop = with_estimator(mission, "perfect")
+    with pytest.raises(ValueError, match="'perfect' knows the true state, and no"):
+        autopilot(loop)
+    autopilot(loop, told_state=True)
