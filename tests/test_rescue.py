@@ -73,6 +73,23 @@ def test_a_start_that_fails_gives_way_to_a_better_one(start):
     assert spent == MEMBERS * (1 + DRAWS_PER_GENERATION * (len(told) - 1))
 
 
+def test_gains_that_are_not_acceptable_do_not_end_the_search():
+    """Half of the plane is not; the search begins there."""
+    fit = lambda free: bool(free[0] < 0.0)
+    start = jnp.asarray([3.0, 4.0])
+    free, spent, _, _ = promising_gains(
+        task(island), start, None, 0, lambda text: None, fit
+    )
+    easily = promising_gains(task(island), start, None, 0)
+    assert not fit(easily.free)
+    assert fit(free)
+    assert spent >= easily.rollouts
+    never = promising_gains(
+        task(island), start, None, 0, lambda text: None, lambda free: False
+    )
+    assert float(island(never.free)) < PROMISING_COST * DEFAULT_COST_SCALE
+
+
 def test_where_all_fail_it_is_said_and_the_best_three_are_told():
     free, spent, said, tried = promising_gains(
         task(lambda x: jnp.sum(x) * jnp.nan),

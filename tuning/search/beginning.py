@@ -1,6 +1,7 @@
 """The beginning of a descent: from gains worth it, its gradient checked."""
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
@@ -21,6 +22,7 @@ from tuning.search.rescue import (
     refuse_lost_task,
 )
 from tuning.search.settings import DescentSettings, State
+from tuning.search.stable import loop_is_stable
 
 T = TypeVar("T")
 CHECKED = 100.0
@@ -90,7 +92,14 @@ def _rescued(
     Raises:
         CannotStart: the search came to nothing.
     """
-    rescue = promising_gains(problem, given, objective, settings.seed, progress.show)
+    rescue = promising_gains(
+        problem,
+        given,
+        objective,
+        settings.seed,
+        progress.show,
+        functools.partial(loop_is_stable, problem),
+    )
     if rescue.tried:
         progress.show("looking why the gliders are lost ...")
         error = cannot_start(problem, rescue)

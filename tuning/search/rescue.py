@@ -85,10 +85,12 @@ def promising_gains(
     objective: float | None,
     seed: int,
     tell: Callable[[str], None] = lambda text: None,
+    acceptable: Callable[[Series], bool] = lambda free: True,
 ) -> SearchResult:
     """Gains to descend from instead of gains with which members go astray.
 
-    CMA-ES on the training members, until few of them do.
+    CMA-ES on the training members, until few of them do. Gains that are not acceptable
+    do not end it, and are taken only where no generation has others.
 
     Args:
         problem: problem to solve.
@@ -96,6 +98,8 @@ def promising_gains(
         objective: objective of these gains; None to find it.
         seed: seed of the draws.
         tell: function that is told how far the search is.
+        acceptable: whether free numbers are fit to descend from, such as those of a
+            stable loop: from an unstable one a descent hardly comes to a stable one.
     """
     run, scale = problem.losses_on(problem.training), problem.cost_scale
     members = member_count(problem.training)
@@ -122,7 +126,8 @@ def promising_gains(
         )
         best = min(generations, key=lambda one: one.loss)
         hopeless = step.number >= MOST_HOPELESS and not best.loss < lost
-        if step.loss < PROMISING_COST * scale or hopeless:
+        promising = step.loss < PROMISING_COST * scale
+        if hopeless or (promising and acceptable(step.free)):
             break
     given, spent = generations[0].loss, generations[-1].rollouts
     if not best.loss < min(given, lost):
@@ -137,6 +142,8 @@ def promising_gains(
             if hopeless
             else (),
         )
+    ranking = sorted(generations, key=lambda one: one.loss)
+    best = next((one for one in ranking if acceptable(one.free)), best)
     return SearchResult(
         best.free,
         spent,

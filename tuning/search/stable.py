@@ -52,25 +52,18 @@ def stable_choice(
         chosen: free numbers that are best, stable or not.
         history: steps of the search.
     """
-    glides = glides_of(problem.loop)
-    if not glides:
+    if not glides_of(problem.loop):
         return Choice(chosen, ())
-
-    def modes_at(free: Series) -> list[LoopModes]:
-        # By way of the host: what lies on several devices would compile anew.
-        at_hand = jnp.asarray(jax.device_get(free))
-        return loop_modes(problem.space.write(problem.loop, at_hand), glides)
-
-    best = modes_at(chosen)
+    best = modes_with(problem, chosen)
     said = (statement(best),)
-    if STABLE_LOOP not in problem.spec.constraints or _is_stable(best):
+    if not _asked(problem) or _is_stable(best):
         return Choice(chosen, said)
     taken = [step for step in history if not step.refused]
     ranking = sorted(taken, key=lambda step: step.validation)[:MOST_TRIED]
     for step in ranking:
         if np.array_equal(step.free, chosen):
             continue
-        modes = modes_at(step.free)
+        modes = modes_with(problem, step.free)
         if _is_stable(modes):
             remark = (
                 f"the gains are those of step {step.number}, the best with a stable "
@@ -80,6 +73,33 @@ def stable_choice(
             return Choice(step.free, (remark, statement(modes)))
     none = f"no step has a stable loop ({len(ranking)} looked at)."
     return Choice(chosen, (none, *said))
+
+
+def loop_is_stable(problem: TuningProblem, free: Series) -> bool:
+    """Whether the loop is stable where it is asked to be; true where it is not.
+
+    Args:
+        problem: problem that is searched.
+        free: free numbers.
+    """
+    return not _asked(problem) or _is_stable(modes_with(problem, free))
+
+
+def modes_with(problem: TuningProblem, free: Series) -> list[LoopModes]:
+    """The natural motions of the loop on the straight glides of the task.
+
+    Args:
+        problem: problem that is searched.
+        free: free numbers.
+    """
+    # By way of the host: what lies on several devices would compile anew.
+    at_hand = jnp.asarray(jax.device_get(free))
+    loop = problem.space.write(problem.loop, at_hand)
+    return loop_modes(loop, glides_of(problem.loop))
+
+
+def _asked(problem: TuningProblem) -> bool:
+    return STABLE_LOOP in problem.spec.constraints
 
 
 def _is_stable(modes: list[LoopModes]) -> bool:
