@@ -354,7 +354,7 @@ def test_every_member_has_its_turn_in_the_gradient_and_all_judge():
 
 @pytest.mark.parametrize(
     ("kind", "members", "batch", "cost"),
-    [("mean", 32, 8, 72), ("mean", 4, 4, 44), ("cvar", 32, 32, 192)],
+    [("mean", 32, 16, 112), ("mean", 4, 4, 44), ("cvar", 32, 32, 192)],
 )
 def test_a_batch_and_what_a_step_with_it_costs(kind, members, batch, cost):
     settings, aggregate = DescentSettings(), make_aggregate(kind)
@@ -424,6 +424,20 @@ def test_one_wild_gradient_does_not_carry_the_mean_away():
     spiky = lambda x: x[0] + 1e-3 * jnp.sin(1e9 * x[0])
     states, _ = _descend(spiky, jnp.zeros(1), steps=1, copies=16, spread=0.1)
     assert abs(float(states[0].current.slope[0, 0])) <= 1.0
+
+
+def test_a_steep_member_is_heard_and_a_chaotic_one_is_not():
+    """Three members gain by one per unit; the fourth loses six, or a thousand million."""
+
+    def slope(steep):
+        members = jnp.asarray([-1.0, -1.0, -1.0, steep])
+        settings = DescentSettings(steps=1, batch=4, copies=4, spread=0.0)
+        loss = lambda free, member: member * jnp.sum(free)
+        descent = Descent(loss, members, members, settings)
+        return float(descent.start(jnp.zeros(1)).current.slope[0, 0])
+
+    np.testing.assert_allclose(slope(6.0), 0.75, rtol=1e-12)
+    np.testing.assert_allclose(slope(1e9), -0.75, rtol=1e-6)
 
 
 def test_a_start_that_is_not_finite_is_said_so():

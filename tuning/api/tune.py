@@ -48,7 +48,7 @@ def tune(
     cost: Cost | None = None,
     aggregate: AbstractAggregate | str | None = None,
     constraints: Sequence[str] = HELD_BY_DEFAULT,
-    gradient_memory: float | None = 60.0,
+    gradient_memory: float | None = 150.0,
     steps: int | None = None,
     settings: DescentSettings | None = None,
     method: BlackBoxSettings | None = None,

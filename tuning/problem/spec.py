@@ -113,7 +113,7 @@ class ProblemSpec:
     aggregate: AbstractAggregate = MEAN
     constraints: tuple[str, ...] = HELD_BY_DEFAULT
     disturbance_rate_bound: BodyAxes[float] | None = None
-    gradient_memory: float | None = 60.0
+    gradient_memory: float | None = 150.0
 
     def __post_init__(self) -> None:
         if self.gradient_memory is not None:

@@ -4,9 +4,11 @@ The exact gradient of a long run is a poor guide: where the loop oscillates it g
 orders of magnitude with the horizon and changes within a few percent of the gains
 (`jaxglider check-gradients` shows it). Three things make it useful: the gradient
 forgets what was long ago (`rollout.evaluate`); each lane of the ensemble has its own
-copy of the gains, scattered by a few percent; and its gradient is clipped to norm one
-before the lanes are combined. A gradient takes a few members in turn, which costs less
-and leads as far; the step is judged by all of them, at the gains themselves.
+copy of the gains, scattered by a few percent; and a gradient g longer than c counts for
+(c/|g|)² g. So a glider near its limits, whose objective is steep, is heard among those
+that fly with ease, and one whose loop is chaotic is not. A gradient takes some of the
+members in turn, which costs less and leads as far; the step is judged by all of them,
+at the gains themselves.
 
 A step that makes the objective much worse, or not finite, is refused: back to the gains
 with the best objective so far, with half the step, which then grows again by a tenth
@@ -241,7 +243,7 @@ class Descent:
     def _gradients(
         self, free: jax.Array, number: jax.Array, members: Any
     ) -> tuple[jax.Array, jax.Array]:
-        """Clipped gradient of each row on some members, over scattered copies.
+        """Gradient of each row on some members, over scattered copies.
 
         And whether it is of any lane at all.
         """
@@ -260,11 +262,12 @@ class Descent:
         )
         values = values.reshape(-1, lanes)
         norm = jnp.linalg.norm(slopes, axis=1, keepdims=True)
-        clipped = jnp.where(norm > 1.0, slopes / norm, slopes)
+        limit = self.settings.steepest * self._cost_scale
+        weighed = slopes * jnp.minimum(limit / norm, 1.0) ** 2
         usable = jnp.isfinite(norm) & jnp.isfinite(values.reshape(-1, 1))
-        clipped = jnp.where(usable, clipped, 0.0).reshape(-1, lanes, free.shape[1])
+        weighed = jnp.where(usable, weighed, 0.0).reshape(-1, lanes, free.shape[1])
         _, weights = jax.vmap(self._aggregate)(saturate_cost(values, self._cost_scale))
-        slope = jnp.sum(weights[:, :, None] * clipped, axis=1)
+        slope = jnp.sum(weights[:, :, None] * weighed, axis=1)
         return slope, jnp.any(usable.reshape(-1, lanes), axis=1)
 
     def _batch(self, number: jax.Array, members: Any) -> Any:

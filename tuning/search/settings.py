@@ -28,6 +28,8 @@ class DescentSettings:
         batch: members of a gradient, in turn; all where not the mean is sought.
         copies: fewest lanes of a gradient; fewer members are used more than once.
         spread: standard deviation of the copies, in free numbers.
+        steepest: norm of a member's gradient, in units of the cost of a run like the
+            start, beyond which it counts for less.
         worse: a step to more than this times the best objective is refused.
         patience: number of steps without progress on the validation set after which the
             descent stops.
@@ -41,13 +43,14 @@ class DescentSettings:
     """
 
     steps: int = 80
-    learning_rate: float = 0.1
+    learning_rate: float = 0.05
     optimiser: str = "adam"
-    batch: int = 8
+    batch: int = 16
     copies: int = 8
     spread: float = 0.05
+    steepest: float = 1.3
     worse: float = 1.2
-    patience: int = 40
+    patience: int = 20
     progress: float = 1e-3
     starts: int = 1
     start_spread: float = 0.5
@@ -61,6 +64,7 @@ class DescentSettings:
             "batch": (self.batch >= 1, "at least 1"),
             "copies": (self.copies >= 1, "at least 1"),
             "spread": (0.0 <= self.spread < float("inf"), "zero or positive"),
+            "steepest": (self.steepest > 0.0, "positive"),
             "worse": (self.worse > 1.0, "above 1"),
             "patience": (self.patience >= 1, "at least 1"),
             "progress": (self.progress >= 0.0, "zero or positive"),
@@ -161,7 +165,7 @@ class Evaluation(eqx.Module):
 
     Attributes:
         loss: objective of all training members.
-        slope: clipped gradient of the surrogate loss.
+        slope: gradient of the surrogate loss; what is too steep counts for less.
         validation: objective of the validation members.
         usable: whether the gradient of any lane is finite.
     """

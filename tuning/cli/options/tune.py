@@ -78,10 +78,10 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
     descent.add_argument(
         "--learning-rate",
         type=positive,
-        default=0.1,
+        default=0.05,
         metavar="R",
         help="of the first step, in the logarithm of a gain; it falls to zero along "
-        "half a cosine; default: 0.1",
+        "half a cosine; default: 0.05",
     )
     descent.add_argument(
         "--optimizer",
@@ -92,17 +92,17 @@ def _add_descent(parser: argparse.ArgumentParser) -> None:
     descent.add_argument(
         "--patience",
         type=count,
-        default=40,
+        default=20,
         metavar="N",
-        help="stop after so many steps without progress; default: 40",
+        help="stop after so many steps without progress; default: 20",
     )
     descent.add_argument(
         "--gradient-memory",
         type=not_negative,
-        default=60.0,
+        default=150.0,
         metavar="S",
         help="how long the gradient remembers [s]; 0: for ever, the exact derivative, "
-        "which may explode on long runs; default: 60",
+        "which may explode on long runs; default: 150",
     )
     descent.add_argument(
         "--starts",
