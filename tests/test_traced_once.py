@@ -1,6 +1,7 @@
 """A function that is one operation to JAX behaves as the function itself does."""
 
 import threading
+import time
 
 import equinox as eqx
 import jax
@@ -8,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax import lax
+from jax.extend.core import jaxpr_as_fun
 
 from jaxglider.core.traced_once import KEPT, traced_once
 
@@ -142,6 +144,33 @@ def test_static_fields_that_cannot_be_compared_are_traced_each_time():
     for number in (1.0, 2.0):
         part = Loose(jnp.float64(3.0), [number, number])
         assert step(part) == 6.0 * number
+
+
+def test_threads_that_trace_at_once_do_not_wait_for_each_other_for_ever():
+    """One stops in the middle of a trace; the other wants the lanes of its own."""
+    begun = threading.Event()
+    other = traced_once(lambda x: jnp.cos(x) * x)
+    graph = jax.make_jaxpr(traced_once(lambda x: jnp.sin(x) * x))(0.5)
+
+    @traced_once
+    def slow(x):
+        begun.set()
+        time.sleep(0.3)
+        return jnp.sum(jax.vmap(other)(x))
+
+    def second():
+        begun.wait()
+        jax.vmap(jaxpr_as_fun(graph))(jnp.ones(3))
+
+    threads = [
+        threading.Thread(target=work, daemon=True)
+        for work in (lambda: jax.jit(slow)(jnp.ones(3)), second)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60.0)
+    assert not any(thread.is_alive() for thread in threads)
 
 
 def test_threads_that_want_the_same_trace_share_it():

@@ -427,7 +427,7 @@ def test_one_wild_gradient_does_not_carry_the_mean_away():
 
 
 def test_a_steep_member_is_heard_and_a_chaotic_one_is_not():
-    """Three members gain by one per unit; the fourth loses six, or a thousand million."""
+    """Three members gain one per unit; the fourth loses six, or a thousand million."""
 
     def slope(steep):
         members = jnp.asarray([-1.0, -1.0, -1.0, steep])

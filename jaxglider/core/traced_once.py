@@ -81,24 +81,33 @@ class _Body:
         self.types = types
         self._trace = trace
         self._derived: dict[Any, _Body] = {}
+        self._closed: ClosedJaxpr | None = None
+        self._compiled: Callable[..., Any] | None = None
 
-    @functools.cached_property
+    @property
     def closed(self) -> ClosedJaxpr:
         """The trace, without what no result depends on."""
+        # No cached_property: it has a lock of its own, and two locks in two orders stop
+        # two threads for ever.
         with _ONE_AT_A_TIME:
-            whole = self._trace()
-            jaxpr, _ = dce_jaxpr(whole.jaxpr, [True] * len(self.types), True)
-            return ClosedJaxpr(jaxpr, whole.consts)
+            if self._closed is None:
+                whole = self._trace()
+                jaxpr, _ = dce_jaxpr(whole.jaxpr, [True] * len(self.types), True)
+                self._closed = ClosedJaxpr(jaxpr, whole.consts)
+            return self._closed
 
     @property
     def jaxpr(self) -> Any:
         """The operations, where those who walk through programs look for them."""
         return self.closed.jaxpr
 
-    @functools.cached_property
+    @property
     def compiled(self) -> Callable[..., Any]:
         """The function outside of any program of JAX."""
-        return jax.jit(jaxpr_as_fun(self.closed))
+        with _ONE_AT_A_TIME:
+            if self._compiled is None:
+                self._compiled = jax.jit(jaxpr_as_fun(self.closed))
+            return self._compiled
 
     def run(self, *inputs: Any) -> Any:
         """The function itself."""
