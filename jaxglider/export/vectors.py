@@ -15,7 +15,6 @@ import numpy as np
 from jax import lax
 
 from jaxglider.core.containers import Scalar, Series
-from jaxglider.environment.water import relative_to_water
 from jaxglider.export.plant import PlantState, drift, truth_of
 from jaxglider.export.sensing import ideal, sampled, unseen
 from jaxglider.navigation.sensing.readings import InstrumentSamples
@@ -133,7 +132,8 @@ def fly(
 
     def told(seen: Any, time: Scalar, afloat: PlantState, row: Any) -> tuple[Any, Any]:
         if not isinstance(pilot, SensedAutopilot):
-            return relative_to_water(truth.water, afloat.state, time)[0], None
+            # As the C program does that compares: parity asks for the same to both.
+            return afloat.state, None
         if row is None:
             return ideal(pilot, time, afloat), None
         now = sampled(loop, seen, time, afloat, row)
