@@ -127,7 +127,7 @@ def test_no_command_shows_the_help_and_is_a_usage_error(call):
     ("arguments", "parts"),
     [
         ("fly", ("invalid choice: 'fly'", "compare", "simulate")),
-        ("compare --controllers mpc", ("--controllers", "'mpc'", "smc", "fxtppc")),
+        ("compare --controllers lqg", ("--controllers", "'lqg'", "smc", "fxtppc")),
         ("compare --controllers", ("--controllers", "at least one")),
         ("compare --scenario lake", ("--scenario", "'lake'", "switching", "waypoints")),
         ("compare --plant real", ("--plant", "'real'", "rigid-body")),
@@ -149,7 +149,7 @@ def test_no_command_shows_the_help_and_is_a_usage_error(call):
         ("tune --uncertainty 1.5", ("--uncertainty", "[0, 1)", "'1.5'")),
         ("tune --gradient-memory -1", ("--gradient-memory", "'-1'")),
         ("tune --starts 0", ("--starts", "at least 1", "'0'")),
-        ("tune --controller mpc", ("--controller", "'mpc'", "smc", "fxtppc")),
+        ("tune --controller lqg", ("--controller", "'lqg'", "smc", "fxtppc")),
         ("simulate", ("required", "--config", "MISSION")),
         ("simulate a.toml --config b.toml", ("b.toml", "a.toml already; name one")),
         ("tune --stepz 2", ("tune: error: unrec", "--stepz; did you mean --steps?")),
@@ -240,7 +240,7 @@ def test_what_cannot_be_used_is_refused_in_one_line(call, arguments, parts):
             "north_m = [9.0, 9.0]\neast_m = [1.0, 1.0]\n",
             ("reference.waypoints", "waypoint 2 equals waypoint 1", "remove one"),
         ),
-        ('[controller]\ntype = "mpc"\n', ("controller.type", "smc, ppc, fxtppc")),
+        ('[controller]\ntype = "lqg"\n', ("controller.type", "smc, ppc, fxtppc")),
     ],
 )
 @pytest.mark.parametrize("command", ["validate", "simulate --config"])

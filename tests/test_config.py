@@ -303,7 +303,7 @@ REFUSED = {
         [1.0],
         "reference.schedule.heading_deg must have 4 numbers; received 1.",
     ),
-    ("controller", "type"): ("mpc", "controller.type", "smc, ppc, fxtppc", "'mpc'"),
+    ("controller", "type"): ("lqg", "controller.type", "smc, ppc, fxtppc", "'lqg'"),
     ("controller", "exponents"): ("own", "controller.exponents", "paper, tian"),
     ("controller", "gains", "depth", "rho"): (
         1.0,
@@ -499,7 +499,7 @@ def test_a_self_contained_mission_needs_no_files(tmp_path):
     [
         ({"vehicle": {"data": {"name": "x"}}}, "vehicle.data: the table: "),
         (
-            {"controller": {"gains_file": {"controller": {"type": "mpc"}}}},
+            {"controller": {"gains_file": {"controller": {"type": "lqg"}}}},
             "controller.gains_file: controller.type must be one of smc, ppc, fxtppc",
         ),
         ({"controller": {"gains_file": 3}}, "controller.gains_file must be text"),
@@ -545,7 +545,7 @@ def test_a_gains_file_of_another_kind_is_refused(tmp_path):
         ({"guidance": 3}, "guidance must be a table; received 3."),
         ({"guidance": {"lookahead": 3.0}}, "unknown key guidance.lookahead; did you "),
         ({"guidance": {"lookahead_m": 0.0}}, "guidance: LineOfSight.lookahead must be"),
-        ({"controller": {"type": "mpc"}}, "controller.type must be one of smc, ppc"),
+        ({"controller": {"type": "lqg"}}, "controller.type must be one of smc, ppc"),
         ({"controller": {}}, "controller.type is missing."),
         ({"controller": 3}, "controller must be a table; received 3."),
         ({"observer": "none"}, "observer must be a table; received 'none'."),

@@ -234,7 +234,7 @@ def test_a_stranger_to_the_names_cannot_be_written():
         ({"gain": {}}, ("unknown key", "controller.gain", "did you mean gains?")),
         ({"model": {}}, ("unknown key", "controller.model")),
         ({"exponents": "own"}, ("exponents", "one of paper, tian", "'own'")),
-        ({"type": "mpc"}, ("controller.type", "smc, ppc, fxtppc", "'mpc'")),
+        ({"type": "lqg"}, ("controller.type", "smc, ppc, fxtppc", "'lqg'")),
         ({"smoothing": 0}, ("controller", "smoothing", "positive", "0.0")),
         ({"damping": {"mass_angle": -1}}, ("controller", "damping", "positive", "-1")),
         (

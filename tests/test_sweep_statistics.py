@@ -10,6 +10,7 @@ from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.rank_correlations import rank_correlations
 from tuning.campaign.analysis.summary import CampaignSummary, ControllerSummary
 from tuning.campaign.report.text import LINES, text_summary
+from tuning.campaign.run.rows import unit
 from tuning.reporting.statistics import (
     clopper_pearson,
     cvar,
@@ -207,3 +208,12 @@ def test_a_measure_that_some_runs_do_not_have_is_that_of_the_others():
     assert spread(with_gaps) == spread(values)
     nothing = spread(np.full(3, np.nan))
     assert nothing["mean"] is nothing["worst"] is nothing["q95"]["value"] is None
+
+
+def test_results_have_their_own_unit_and_forces_that_of_their_axis():
+    angles = ["max_roll", "max_pitch"]
+    assert [unit(name) for name in angles] == ["rad", "rad"]
+    assert unit("end_time") == "s"
+    assert unit("largest_disturbance_roll") == "N m"
+    assert unit("largest_disturbance_surge") == "N"
+    assert unit("pitch.travel") == "m"

@@ -6,6 +6,7 @@ from jaxglider import paper
 from tuning.reporting.tables import (
     CAVEAT,
     UNSETTLED,
+    decimals,
     figure,
     markdown_tables,
     outcome,
@@ -161,7 +162,7 @@ def test_markdown_lays_each_run_beside_its_printed_column():
         "0.1966",
         "2.7200",
     ]
-    assert _cells(text, "pitch [rad]", "rms command step") == [
+    assert _cells(text, "pitch [m]", "rms command step") == [
         "5.07e-05",
         "1.5400",
         "4.00e-06",
@@ -191,6 +192,17 @@ def test_each_case_has_a_table_of_its_own():
         "## switching on rigid-body",
     ]
     assert "0.3319" in text
+
+
+def test_zero_has_no_sign():
+    assert [decimals(x, 1) for x in (-0.04, -0.0, -0.06)] == ["0.0", "0.0", "-0.1"]
+
+
+def test_what_a_command_costs_has_the_unit_of_its_actuator():
+    text = markdown_tables([_run()])
+    for channel in ("depth [kg]", "pitch [m]", "heading [rad]"):
+        for measure in ("rms command", "rms command step", "travel"):
+            assert len(_cells(text, channel, measure)) == 2
 
 
 def test_tuned_gains_have_no_printed_column():

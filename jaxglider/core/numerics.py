@@ -10,6 +10,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from jaxglider.core.containers import Counter, Scalar, Series
 from jaxglider.core.elementary import arctan as arctan
@@ -19,14 +20,14 @@ from jaxglider.core.elementary import sincos as sincos
 
 
 @jax.custom_jvp
-def scale_gradient(x: Scalar, share: Scalar) -> Scalar:
-    """The same number, of whose derivative only a share goes on.
+def scale_gradient(x: Float[Array, "..."], share: Scalar) -> Float[Array, "..."]:
+    """The same numbers, of whose derivative only a share goes on.
 
     Once a tick on what a closed loop remembers, it makes the gradient of a long run
     forget: see `rollout.evaluate`.
 
     Args:
-        x: number.
+        x: numbers, of any shape.
         share: share of the derivative that goes on, in [0, 1].
     """
     return x
@@ -34,8 +35,8 @@ def scale_gradient(x: Scalar, share: Scalar) -> Scalar:
 
 @scale_gradient.defjvp
 def _faded_jvp(
-    primals: tuple[Scalar, Scalar], tangents: tuple[Scalar, Scalar]
-) -> tuple[Scalar, Scalar]:
+    primals: tuple[Any, Scalar], tangents: tuple[Any, Any]
+) -> tuple[Any, Any]:
     return primals[0], primals[1] * tangents[0]
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from jaxglider import paper
-from jaxglider.signals import CHANNEL_UNITS
+from jaxglider.signals import CHANNEL_UNITS, COMMAND_UNITS
 
 DEGREE = 180.0 / math.pi
 """Degrees in a radian."""
@@ -41,10 +41,23 @@ _COLUMNS = {
     "time_outside_funnel": ("share of time", "outside"),
 }
 """Two lines of the title of each column."""
+_OF_COMMAND = ("rms_effort", "chattering", "travel")
 UNSETTLED = (
     "settled -: the specification's funnel never settled, for no segment lasted as "
     "long as its settling time."
 )
+
+
+def unit_of(channel: str, measure: str) -> str:
+    """SI unit of a measure: that of its channel, or of the channel's actuator.
+
+    Args:
+        channel: `depth`, `pitch` or `heading`.
+        measure: field of `ChannelMetrics`.
+    """
+    if measure in _OF_COMMAND:
+        return dict(zip(CHANNEL_UNITS, COMMAND_UNITS.values(), strict=True))[channel]
+    return CHANNEL_UNITS[channel]
 
 
 def text_table(runs: list[dict[str, Any]]) -> str:
@@ -137,14 +150,15 @@ def _markdown_group(group: list[dict[str, Any]]) -> list[str]:
         "| channel | measure | " + " | ".join(titles) + " |",
         "|---|---|" + "---:|" * len(titles),
     ]
-    for channel, unit in CHANNEL_UNITS.items():
+    for channel in CHANNEL_UNITS:
         for row, (key, title) in {**_PAPER_ROWS, **_OWN_ROWS}.items():
             cells = []
             for run in group:
                 if _is_printed(run):
                     cells.append(figure(_printed(run, channel, row)))
                 cells.append(figure(run["channels"][channel][key]))
-            of = channel if row.startswith("time") else f"{channel} [{unit}]"
+            unit = f" [{unit_of(channel, key)}]"
+            of = channel if row.startswith("time") else channel + unit
             rows.append(f"| {of} | {title} | " + " | ".join(cells) + " |")
     return rows
 
@@ -179,7 +193,8 @@ def decimals(value: float | None, digits: int, factor: float = 1.0) -> str:
     """
     if value is None or not math.isfinite(value):
         return "-"
-    return f"{factor * value:.{digits}f}"
+    # Adding zero to what is rounded leaves no minus before it.
+    return f"{round(factor * value, digits) + 0.0:.{digits}f}"
 
 
 def text_columns(

@@ -8,6 +8,7 @@ import dataclasses
 import datetime
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -156,7 +157,8 @@ def _density(scenario: Scenario, depth: np.ndarray) -> np.ndarray:
     layers = scenario.water and scenario.water.stratification
     if not layers:
         return np.full(len(depth), DENSITY)
-    return DENSITY * (1.0 + np.asarray(layers.denser(jnp.asarray(depth)), float))
+    denser = jax.vmap(layers.denser)(jnp.asarray(depth))
+    return DENSITY * (1.0 + np.asarray(denser, float))
 
 
 def _fixes(

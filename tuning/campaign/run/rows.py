@@ -122,6 +122,10 @@ def metrics_and_witness(values: np.ndarray) -> tuple[Metrics, Witness]:
 
 def unit(column: str) -> str:
     """SI unit of a column."""
+    # The roll of the glider, not the moment about the roll axis.
+    whole = {"end_time": "s", "max_roll": "rad", "max_pitch": "rad"}
+    if column in whole:
+        return whole[column]
     channel, _, measure = column.rpartition(".")
     if channel.startswith("flight"):
         if channel == "flight.travel":
@@ -136,7 +140,7 @@ def unit(column: str) -> str:
         if column.endswith(f"_{axis}"):
             force = "N" if axis in AXES[:3] else "N m"
             return f"{force}/s" if "rate" in column else force
-    return {"end_time": "s", "max_roll": "rad", "max_pitch": "rad"}.get(measure, "1")
+    return "1"
 
 
 def row_type(quantities: int, gains: int, columns: int = len(COLUMNS)) -> np.dtype:
