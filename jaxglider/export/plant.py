@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxglider.core.containers import Scalar
-from jaxglider.environment.water import Water
+from jaxglider.environment.water import Water, relative_to_water
 from jaxglider.export.autopilot import (
     CONSTANTS,
     Source,
@@ -89,6 +89,9 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
     ) -> PlantState:
         return drift(loop, p, now, wanted, f)
 
+    def seen(p: ExportedPlant, now: PlantState) -> PlantState:
+        return dataclasses.replace(now, state=through_the_water(p, now))
+
     shared = Functions()
     parameters = (CONSTANTS["plant"], structures["parameters"].example)
     state = structures["state"]
@@ -113,6 +116,17 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
             ],
             shared,
         ),
+        "plant_seen": write_function(
+            "plant_seen",
+            "The glider as an autopilot knows it: velocities are through the water.",
+            seen,
+            parameters,
+            [
+                Argument("state", state),
+                Argument("seen", state, reads=False, writes=True),
+            ],
+            shared,
+        ),
     }
     return Source(
         header=header_text("plant", about, structures, functions),
@@ -134,6 +148,16 @@ def truth_of(loop: ClosedLoop) -> ExportedPlant:
         dt=scenario.clock.dt,
         water=scenario.water,
     )
+
+
+def through_the_water(truth: ExportedPlant, now: PlantState) -> GliderState:
+    """The state that an autopilot is told, with the velocity through the water.
+
+    Args:
+        truth: numbers of the glider, from `truth_of`.
+        now: state of the glider, over ground.
+    """
+    return relative_to_water(truth.water, now.state, now.time)[0]
 
 
 def drift(

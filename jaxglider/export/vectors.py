@@ -15,7 +15,12 @@ import numpy as np
 from jax import lax
 
 from jaxglider.core.containers import Scalar, Series
-from jaxglider.export.plant import PlantState, drift, truth_of
+from jaxglider.export.plant import (
+    PlantState,
+    drift,
+    through_the_water,
+    truth_of,
+)
 from jaxglider.export.sensing import ideal, sampled, unseen
 from jaxglider.navigation.sensing.readings import InstrumentSamples
 from jaxglider.onboard.guard import BITS
@@ -132,8 +137,7 @@ def fly(
 
     def told(seen: Any, time: Scalar, afloat: PlantState, row: Any) -> tuple[Any, Any]:
         if not isinstance(pilot, SensedAutopilot):
-            # As the C program does that compares: parity asks for the same to both.
-            return afloat.state, None
+            return through_the_water(truth, afloat), None
         if row is None:
             return ideal(pilot, time, afloat), None
         now = sampled(loop, seen, time, afloat, row)

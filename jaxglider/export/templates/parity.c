@@ -136,7 +136,7 @@ static int closed_loop(const char *name, const int rows)
     double row[MAX_COLUMNS], worst = 0.0;
     long count = 0;
     glider_state state;
-    plant_state afloat;
+    plant_state afloat, seen;
     glider_init(&state);
     plant_init(&afloat);
     while (count < (long)rows * HOLD && read_line(file, row, CLOSED_COLUMNS)) {
@@ -147,7 +147,8 @@ static int closed_loop(const char *name, const int rows)
             glider_reference reference;
             glider_command command;
             plant_command wanted;
-            measure(&afloat, (double)count * GLIDER_DT, &measurement);
+            plant_seen(&afloat, &seen);
+            measure(&seen, (double)count * GLIDER_DT, &measurement);
             glider_plan(&state, &measurement, &reference);
             glider_step(&state, &measurement, &reference, &command);
             steer(&command, &wanted);
