@@ -19,6 +19,7 @@ from jaxglider.files.mission import load_mission
 from jaxglider.navigation.catalogue import make_estimator
 from jaxglider.onboard.guard import BITS, status_names
 from jaxglider.onboard.of_loop import autopilot
+from jaxglider.onboard.samples import measured_or, with_no_traces
 from jaxglider.signals import Command, zeros
 from jaxglider.simulation.rollout import with_ticks
 
@@ -27,7 +28,9 @@ needs_compiler = pytest.mark.skipif(
 )
 TICKS, PART = 500, 1000
 FUZZED = 34_000
-"""For each of two estimators: 68,000 in all."""
+"""For each of two estimators: 68,000 in all, and 2000 for the third."""
+PARTS = {"linear": range(34), "fixed-time": range(34), "model-aided": (17, 29)}
+"""Parts of `PART` ticks of each; those of the third begin with next to no depth."""
 
 
 @pytest.fixture(scope="module")
@@ -104,15 +107,16 @@ def spoilt(flown):
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", ["linear", "fixed-time"])
+@pytest.mark.parametrize("name", PARTS)
 def test_compiled_code_follows_the_trace_through_bad_sensors(
     mission, spoilt, name, tmp_path
 ):
     loop = with_estimator(mission, name)
     pilot = autopilot(loop)
-    expected = np.concatenate([columns(replay(pilot, *part)) for part in spoilt])
-    onboard = Onboard(tmp_path, autopilot_source(pilot, "test"))
-    found = np.concatenate([onboard.replay(*part) for part in spoilt])
+    given = [spoilt[number] for number in PARTS[name]]
+    expected = np.concatenate([columns(replay(pilot, *part)) for part in given])
+    onboard = Onboard(tmp_path, autopilot_source(pilot, "test"), "-O1")
+    found = np.concatenate([onboard.replay(*part) for part in given])
     actuators = loop.scenario.actuators
     limits = np.array([float(a.limit) for a in vars(actuators).values()])
     for commands in (found, expected):
@@ -120,14 +124,28 @@ def test_compiled_code_follows_the_trace_through_bad_sensors(
         assert (np.abs(commands[:, :3]) <= limits * (1 + 1e-15)).all()
     words = {name for w in expected[:, 3] for name in status_names(int(w))}
     assert {"sample_refused", "measurement_lost", "clock_invalid"} <= words
-    np.testing.assert_array_equal(found[:, 3], expected[:, 3])
-    assert (np.abs(found - expected)[:, :3] / limits).max() < 1e-10
+    off = (np.abs(found - expected)[:, :3] / limits).max(axis=1)
+    if name != "model-aided":
+        np.testing.assert_array_equal(found[:, 3], expected[:, 3])
+        assert off.max() < 1e-10
+        return
+    # Wild readings make much of a rounding, in JAX itself: there two runs with gains
+    # 1e-15 apart tell how much, tick by tick.
+    gains = jax.tree.map(lambda x: x * (1.0 + 1e-15), pilot.estimator)
+    twin = eqx.tree_at(lambda p: p.estimator, pilot, gains)
+    own = np.concatenate([columns(replay(twin, *part)) for part in given])
+    own = (np.abs(own - expected)[:, :3] / limits).max(axis=1).reshape(-1, PART)
+    allowed = 1e-10 + 1e3 * np.maximum.accumulate(own, axis=1).ravel()
+    assert (off <= allowed).all()
+    alike = allowed < 1e-5
+    assert np.mean(alike) > 0.9
+    np.testing.assert_array_equal(found[alike, 3], expected[alike, 3])
 
 
 @pytest.fixture(scope="module")
 def sail(mission):
     """Depth, pitch and belief in closed loop, the samples spoilt by a function."""
-    loop = with_estimator(mission, "fixed-time")
+    loop = with_estimator(mission, "linear")
     pilot, dt = autopilot(loop), loop.scenario.clock.dt
 
     @jax.jit
@@ -175,6 +193,16 @@ def test_the_estimate_comes_back_from_a_bad_sensor(sail, kind):
     assert np.abs(off[150:190]).max() > 0.2
     assert np.abs(off[260:]).max() < 1.0
     assert np.isfinite(pitch).all()
+
+
+def test_next_to_nothing_is_zero():
+    """XLA drops such numbers where it computes, C code does not."""
+    trace, one = jnp.asarray(1e-320), jnp.ones(())
+    assert np.asarray(trace) != 0.0
+    assert np.asarray(with_no_traces(trace)) == 0.0
+    assert np.asarray(measured_or(-trace, one, one)) == 0.0
+    for kept in (1e-29, -2.0, np.inf, np.nan):
+        np.testing.assert_array_equal(with_no_traces(kept * one), kept)
 
 
 def test_what_no_glider_has_is_not_asked_for(mission):

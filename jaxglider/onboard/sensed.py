@@ -42,6 +42,7 @@ from jaxglider.onboard.samples import (
     is_new,
     measured_or,
     newest,
+    with_no_traces,
 )
 from jaxglider.onboard.sensed_state import Heard, SensedState
 from jaxglider.signals import Command, GliderState, map_fields, zeros
@@ -203,7 +204,7 @@ class SensedAutopilot(eqx.Module):
         ranges = Sensed(position, angle, angle, angle)
         fresh = map_fields(is_fresh, samples.sensed, state.stamps, ranges)
         shown = map_fields(
-            lambda new, s, old: jnp.where(new, s.value, old),
+            lambda new, s, old: jnp.where(new, with_no_traces(s.value), old),
             *(fresh, samples.sensed, state.shown),
         )
         silent = map_fields(
