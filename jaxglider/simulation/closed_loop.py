@@ -18,7 +18,6 @@ import jax.numpy as jnp
 from jaxglider.control.controller import AbstractController
 from jaxglider.control.observer import AbstractObserver
 from jaxglider.core.containers import Scalar, Series
-from jaxglider.environment.water import relative_to_water
 from jaxglider.guidance.obedience import informed, obeyed
 from jaxglider.navigation.estimator import AbstractEstimator
 from jaxglider.navigation.navigator import Navigator, begun, recorded
@@ -81,7 +80,7 @@ class ClosedLoop(eqx.Module):
         scenario = self.scenario
         state = scenario.initial_state.unturned()
         guidance = scenario.reference.init(state)
-        seen, _ = self._through_water(state, jnp.zeros_like(scenario.clock.dt))
+        seen, _ = scenario.through_water(state, jnp.zeros_like(scenario.clock.dt))
         return Carry(
             state=state,
             held=zeros(Command, state.surge),
@@ -208,7 +207,7 @@ class ClosedLoop(eqx.Module):
         """The record of a tick, whose end is where the glider has moved to."""
         reference, (applied, following) = decision.reference, moved
         dt = self.scenario.clock.dt
-        following, _ = self._through_water(following, inputs.plan.time + dt)
+        following, _ = self.scenario.through_water(following, inputs.plan.time + dt)
         return TickRecord(
             time=inputs.plan.time,
             active=~reference.finished,
@@ -242,7 +241,7 @@ class ClosedLoop(eqx.Module):
         self, carry: Carry, inputs: TickInput
     ) -> tuple[Measurement, Measurement]:
         """The measurement of perfect sensors, and that of the scenario's."""
-        state, current = self._through_water(carry.state, inputs.plan.time)
+        state, current = self.scenario.through_water(carry.state, inputs.plan.time)
         truth = Measurement(
             state=state,
             attitude=state.attitude(),
@@ -300,11 +299,8 @@ class ClosedLoop(eqx.Module):
         if self.navigator is not None:
             observed = self.navigator.estimate(known)
         else:
-            known_state, _ = self._through_water(following, inputs.plan.time + dt)
+            known_state, _ = self.scenario.through_water(
+                following, inputs.plan.time + dt
+            )
             observed = with_errors(known_state, inputs.plan.noise_end)
         return self.observer.step(carry.observer, measurement, applied, observed, dt)
-
-    def _through_water(
-        self, state: GliderState, time: Scalar
-    ) -> tuple[GliderState, tuple[Scalar, Scalar] | None]:
-        return relative_to_water(self.scenario.water, state, time)

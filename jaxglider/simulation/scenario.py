@@ -18,7 +18,7 @@ from jaxglider.core.containers import (
 from jaxglider.environment.disturbances import AbstractDisturbance
 from jaxglider.environment.seabed import Seabed
 from jaxglider.environment.tables import SeabedGrid
-from jaxglider.environment.water import Water
+from jaxglider.environment.water import Water, relative_to_water
 from jaxglider.guidance.reference import AbstractReference
 from jaxglider.navigation.estimator import AbstractEstimator
 from jaxglider.navigation.navigator import Navigator
@@ -164,6 +164,17 @@ class Scenario(Container):
     def altitude(self, state: GliderState) -> Scalar | None:
         """Height over the bottom [m], or None without one."""
         return None if self.seabed is None else self.seabed.altitude(state)
+
+    def through_water(
+        self, state: GliderState, time: Scalar
+    ) -> tuple[GliderState, tuple[Scalar, Scalar] | None]:
+        """The state with its velocity through the water; and the current, or None.
+
+        Args:
+            state: state over ground.
+            time: present time [s].
+        """
+        return relative_to_water(self.water, state, time)
 
     def charge(self, spent: Consumers | None) -> Scalar | None:
         """Energy left in the battery [J], or None where nothing counts it."""

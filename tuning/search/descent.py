@@ -4,11 +4,11 @@ The exact gradient of a long run is a poor guide: where the loop oscillates it g
 orders of magnitude with the horizon and changes within a few percent of the gains
 (`jaxglider check-gradients` shows it). Three things make it useful: the gradient
 forgets what was long ago (`rollout.evaluate`); each lane of the ensemble has its own
-copy of the gains, scattered by a few percent; and a gradient g longer than c counts for
-(c/|g|)² g. So a glider near its limits, whose objective is steep, is heard among those
-that fly with ease, and one whose loop is chaotic is not. A gradient takes some of the
-members in turn, which costs less and leads as far; the step is judged by all of them,
-at the gains themselves.
+copy of the gains, scattered by a few percent; and a gradient g longer than c, some
+multiple of what a run like the start costs, counts for (c/|g|)² g. So a glider near its
+limits, whose objective is steep, is heard among those that fly with ease, and one whose
+loop is chaotic is not. A gradient takes some of the members in turn, which costs less
+and leads as far; the step is judged by all of them, at the gains themselves.
 
 A step that makes the objective much worse, or not finite, is refused: back to the gains
 with the best objective so far, with half the step, which then grows again by a tenth

@@ -7,7 +7,6 @@ import jax
 import numpy as np
 
 from jaxglider.core.containers import as_float
-from jaxglider.environment.water import relative_to_water
 from jaxglider.signals import Command, GliderState, map_fields
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory
@@ -96,8 +95,7 @@ def through_water(loop: ClosedLoop, state: GliderState, time: np.ndarray) -> np.
         time: times of the states [s].
     """
     at, now = map_fields(as_float, state), as_float(time)
-    water = loop.scenario.water
-    relative = jax.vmap(lambda s, t: relative_to_water(water, s, t)[0])(at, now)
+    relative, _ = jax.vmap(loop.scenario.through_water)(at, now)
     return np.stack([np.asarray(getattr(relative, x)) for x in LINEAR])
 
 
