@@ -190,7 +190,8 @@ def draw_objective(axes: Axes, history: list[Step]) -> Axes:
         )
     axes.set(xlabel="step", ylabel="objective", ylim=(0, 1.05 * top))
     axes.grid(alpha=0.3)
-    axes.legend(loc="upper right")
+    # From zero up, and high at the start: nothing is drawn there.
+    axes.legend(loc="lower left")
     return axes
 
 
