@@ -1,11 +1,12 @@
-"""A report as one HTML file: whole, well-formed, and loading nothing."""
+"""A report as one HTML file: whole, well-formed, loading nothing, seen in a browser."""
 
 import base64
-import html.parser
 import io
+import re
 
 import numpy as np
 import pytest
+from html_page import Page, mailable, opened
 from matplotlib import image
 
 from tuning.reporting.html import write_html
@@ -32,29 +33,11 @@ $ if (x < 1) && y
 ![errors](errors.png)
 ![lost](gone.png)
 """
-VOID = {"meta", "img"}
-
-
-class Page(html.parser.HTMLParser):
-    """Tags in their order, text by tag, and everything that a page would load."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.open, self.texts, self.loads = [], {}, []
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag, attributes):
-        if tag not in VOID:
-            self.open.append(tag)
-        self.loads += [v for k, v in attributes if k in ("src", "href")]
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        if self.open:
-            self.texts.setdefault(self.open[-1], []).append(data)
+PINK = (230, 0, 126)
+MEASURE = """<script>
+const pictures = [...document.images].map(x => x.naturalWidth + "x" + x.width);
+document.title = document.documentElement.scrollWidth + ";" + pictures.join(";");
+</script>"""
 
 
 @pytest.fixture
@@ -70,12 +53,11 @@ def page(tmp_path):
     }
     write_html(tmp_path / "report.html", TEXT, about, [tmp_path / "errors.png"])
     text = (tmp_path / "report.html").read_text()
-    return text, Page(text), pixels
+    return text, mailable(tmp_path / "report.html"), pixels
 
 
 def test_every_tag_is_closed_and_the_text_is_all_there(page):
     _, parsed, _ = page
-    assert parsed.open == []
     assert parsed.texts["title"] == ["Tuning fxtppc: switching on `rigid-body`"]
     assert "".join(parsed.texts["h1"]) == "Tuning fxtppc: switching on "
     assert parsed.texts["th"] == ["channel", "rms error"]
@@ -86,7 +68,7 @@ def test_every_tag_is_closed_and_the_text_is_all_there(page):
     assert parsed.texts["li"] == ["before: lost", "after: found"]
     assert ", see how 1 < 2 & 3." in "".join(parsed.texts["p"])
     assert parsed.texts["strong"] == ["Held out"]
-    assert "lost: not drawn." in parsed.texts["p"]
+    assert "Lost: not drawn." in parsed.texts["p"]
 
 
 def test_pictures_stand_in_the_page_and_nothing_is_loaded(page):
@@ -106,3 +88,35 @@ def test_the_command_that_repeats_it_and_its_origin_are_told(page):
     cells = parsed.texts["td"]
     assert cells[cells.index("versions.jax") + 1] == "0.10"
     assert "campaign" not in cells
+
+
+def test_a_page_that_is_not_whole_is_found():
+    with pytest.raises(AssertionError):
+        Page("<p><b>text</p></b>")
+    with pytest.raises(AssertionError):
+        Page("<table><tr></tr>")
+
+
+def test_a_browser_shows_the_page_as_wide_as_its_window(tmp_path):
+    """A wide table scrolls by itself, pictures shrink with the window and are seen."""
+    wide = "| " + " | ".join(f"column {n} [rad/s]" for n in range(30)) + " |"
+    rule = "|" + "---:|" * 30
+    text = "\n".join(["# Wide", "", wide, rule, wide.replace("column", "value")])
+    pixels = np.full((300, 1050, 3), PINK, np.uint8)
+    image.imsave(tmp_path / "pink.png", pixels, dpi=300)
+    path = tmp_path / "report.html"
+    write_html(path, text, {"command": ["tune"]}, [tmp_path / "pink.png"])
+    mailable(path)
+    path.write_text(path.read_text().replace("</body>", MEASURE + "</body>"))
+    seen = {}
+    for width in (1200, 500):
+        document, picture = opened(path, tmp_path, width)
+        seen[width] = re.search("<title>(.*)</title>", document)[1]
+        shown = (image.imread(picture)[:, :, :3] * 255.0).round()
+        found = np.argwhere(np.abs(shown - PINK).max(axis=2) < 3.0)
+        box = found.max(axis=0) - found.min(axis=0) + 1
+        # 3.5 inches of print at 136 pixels each, or what the window leaves.
+        wanted = min(136 * 3.5, width - 32)
+        assert box[1] == pytest.approx(wanted, abs=3)
+        assert box[0] == pytest.approx(wanted * 300 / 1050, abs=3)
+    assert seen == {1200: "1200;1050x476", 500: "500;1050x468"}

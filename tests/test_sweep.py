@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import xarray
 from cf_checker import complaints
+from html_page import mailable
 from scipy import stats
 from toy_campaign import RUN, Toy
 
@@ -417,6 +418,8 @@ def test_the_report_answers_in_tables_and_figures(sweep, tmp_path, monkeypatch):
             assert part in text
         for name in re.findall(r"\]\(([^)]*)\)", text):
             assert (tmp_path / folder / name).stat().st_size > 100
+        page = mailable(tmp_path / folder / "report.html")
+        assert len(page.loads) == text.count("![")
 
 
 def test_ribbons_are_the_errors_of_the_members_and_of_the_worst(campaign, alone):

@@ -1,6 +1,7 @@
 """Intervals that cover what they say, checked against exact laws and by repetition."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from scipy import stats
 from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.rank_correlations import rank_correlations
 from tuning.campaign.analysis.summary import CampaignSummary, ControllerSummary
-from tuning.campaign.report.text import LINES, text_summary
+from tuning.campaign.report.report import _driven, _with_unit
+from tuning.campaign.report.sensitivity_section import LEAST_BLOCKS, blamed
+from tuning.campaign.report.text import LINES, brackets, text_summary
 from tuning.campaign.run.rows import unit
 from tuning.reporting.statistics import (
     clopper_pearson,
@@ -210,6 +213,26 @@ def test_a_measure_that_some_runs_do_not_have_is_that_of_the_others():
     assert nothing["mean"] is nothing["worst"] is nothing["q95"]["value"] is None
 
 
+def test_intervals_that_cannot_be_had_are_said_in_words():
+    assert brackets([None, None]) == "[too few members]"
+    assert brackets([0.25, None]) == "[0.25, no bound]"
+    assert brackets([0.25, 0.5]) == "[0.25, 0.5]"
+
+
+@pytest.mark.parametrize("blocks", [LEAST_BLOCKS - 1, LEAST_BLOCKS])
+def test_sobol_indices_of_too_few_blocks_are_withheld(blocks):
+    number = {"quantity": "drag", "rho": 0.5}
+    number |= {name: 0.75 for name in ("total", "first")}
+    number |= {f"{name}_interval": [0.5, 1.0] for name in ("total", "first")}
+    one = {"blocks": blocks, "rows": [number], "agreement": {}, "disagreements": []}
+    one |= {"blocks_left_out": 0}
+    law = SimpleNamespace(sensitivity={"severity": one})
+    page = "\n".join(blamed(SimpleNamespace(controllers={"a": law})))
+    few = blocks < LEAST_BLOCKS
+    assert ("withheld" in page) == few
+    assert ("0.75 [0.5, 1]" in page) == (not few)
+
+
 def test_results_have_their_own_unit_and_forces_that_of_their_axis():
     angles = ["max_roll", "max_pitch"]
     assert [unit(name) for name in angles] == ["rad", "rad"]
@@ -217,3 +240,22 @@ def test_results_have_their_own_unit_and_forces_that_of_their_axis():
     assert unit("largest_disturbance_roll") == "N m"
     assert unit("largest_disturbance_surge") == "N"
     assert unit("pitch.travel") == "m"
+
+
+def test_a_result_that_is_the_same_in_every_member_has_no_driver():
+    values = np.random.default_rng(0).normal(size=(20, 1))
+    ranked = {}
+    for name, result in (("max_roll", values[:, 0]), ("left_funnel", np.ones(20))):
+        rho = rank_correlations(values, result)["rho"][0]
+        ranked[name] = [{"quantity": "drag", "rho": rho}]
+    law = SimpleNamespace(rank_correlations=ranked | {"severity": []})
+    rows = "\n".join(_driven(SimpleNamespace(controllers={"a": law}))).split("\n")
+    assert "| a | largest roll | drag +1.00 |" in rows
+    assert "| a | leaving a specified funnel | the same in every member |" in rows
+    assert "| a | severity | - |" in rows
+
+
+def test_measures_in_tables_have_words_and_units():
+    assert _with_unit("max_roll") == "largest roll [rad]"
+    assert _with_unit("depth.travel") == "depth travel [kg]"
+    assert _with_unit("severity") == "severity"

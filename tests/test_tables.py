@@ -5,6 +5,7 @@ import pytest
 from jaxglider import paper
 from tuning.reporting.tables import (
     CAVEAT,
+    COMMAND_NOTE,
     UNSETTLED,
     decimals,
     figure,
@@ -203,6 +204,7 @@ def test_what_a_command_costs_has_the_unit_of_its_actuator():
     for channel in ("depth [kg]", "pitch [m]", "heading [rad]"):
         for measure in ("rms command", "rms command step", "travel"):
             assert len(_cells(text, channel, measure)) == 2
+    assert COMMAND_NOTE in text_table([_run()])
 
 
 def test_tuned_gains_have_no_printed_column():

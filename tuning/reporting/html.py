@@ -7,22 +7,29 @@ the page as data, so that it can be mailed; it loads nothing.
 
 import base64
 import html
+import io
 import re
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from PIL import Image
 
 from jaxglider.files.writing import write_text
 
 STYLE = """
 body { max-width: 62rem; margin: 2rem auto; padding: 0 1rem; line-height: 1.45;
        font-family: system-ui, sans-serif; color: #1b1f24; background: #fff; }
-table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
-th, td { padding: .2rem .7rem; border-bottom: 1px solid #d8dee4; text-align: left; }
-th { border-bottom: 2px solid #8c959f; }
-.n { text-align: right; }
-figure { margin: 1rem 0; } img { max-width: 100%; height: auto; }
+h2 { margin-top: 2.2rem; border-bottom: 1px solid #d8dee4; padding-bottom: .2rem; }
+table { border-collapse: collapse; margin: 1rem 0; font-size: .88rem;
+        font-variant-numeric: tabular-nums; }
+th, td { padding: .2rem .6rem; border-bottom: 1px solid #d8dee4; text-align: left; }
+th { border-bottom: 2px solid #8c959f; vertical-align: bottom; }
+td:first-child, .n { white-space: nowrap; } .n { text-align: right; }
+.figures { display: flex; flex-wrap: wrap; gap: 1rem; align-items: flex-start; }
+figure { margin: 0; max-width: 100%; break-inside: avoid; }
+img { max-width: 100%; height: auto; }
 figcaption { color: #57606a; font-size: .9rem; }
 pre, code { background: #f3f4f6; border-radius: 4px; }
 pre { padding: .6rem .8rem; overflow-x: auto; } code { padding: 0 .2rem; }
@@ -30,6 +37,8 @@ pre code { padding: 0; }
 blockquote { margin: .3rem 0; padding-left: .8rem; border-left: 3px solid #d4a72c; }
 .wide { overflow-x: auto; }
 """
+_PIXELS_AN_INCH = 136.0
+"""Size at which figures are shown: two of a journal's columns stand side by side."""
 
 
 def write_html(
@@ -48,7 +57,7 @@ def write_html(
     """
     body = list(_blocks(text, path.parent))
     if figures:
-        body += ["<h2>Figures</h2>", *map(_picture, figures)]
+        body += ["<h2>Figures</h2>", *_side_by_side(map(_picture, figures))]
     title = re.search(r"^# (.*)$", text, re.MULTILINE)
     write_text(
         path,
@@ -109,9 +118,10 @@ def _blocks(text: str, folder: Path) -> Iterator[str]:
             marks, words = line.split(" ", 1)
             yield f"<h{len(marks)}>{_inline(words)}</h{len(marks)}>"
         elif kind == "picture":
-            found = re.match(r"!\[(.*?)\]\((.*?)\)", line)
-            if found is not None:
-                yield _picture(folder / found[2], found[1])
+            while end < len(lines) and _kind(lines[end]) in ("picture", ""):
+                end += 1
+            found = re.findall(r"!\[(.*?)\]\((.*?)\)", "\n".join(lines[here:end]))
+            yield from _side_by_side(_picture(folder / p, name) for name, p in found)
         here = end
 
 
@@ -188,13 +198,26 @@ def _inline(text: str) -> str:
     return "".join(parts)
 
 
+def _side_by_side(pictures: Iterable[str]) -> Iterator[str]:
+    """Pictures in rows, as many in each as there is room for."""
+    yield '<div class="figures">'
+    yield from pictures
+    yield "</div>"
+
+
 def _picture(path: Path, title: str = "") -> str:
-    """A picture as data in the page."""
-    name = html.escape(title or path.stem.replace("_", " "))
+    """A picture as data in the page, in proportion to its size in print."""
+    words = title or path.stem.replace("_", " ")
+    name = html.escape(words[:1].upper() + words[1:])
     if not path.is_file():
         return f"<p>{name}: not drawn.</p>"
-    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    content = path.read_bytes()
+    with Image.open(io.BytesIO(content)) as picture:
+        pixels = picture.width
+        dense = float(picture.info.get("dpi", (100.0, 100.0))[0])
+    data = base64.b64encode(content).decode("ascii")
     return (
-        f'<figure><img alt="{name}" src="data:image/png;base64,{data}">'
+        f'<figure><img alt="{name}" width="{_PIXELS_AN_INCH * pixels / dense:.0f}" '
+        f'src="data:image/png;base64,{data}">'
         f"<figcaption>{name}</figcaption></figure>"
     )

@@ -42,6 +42,11 @@ _COLUMNS = {
 }
 """Two lines of the title of each column."""
 _OF_COMMAND = ("rms_effort", "chattering", "travel")
+COMMAND_NOTE = (
+    "rms command, its step and travel: ballast [kg], mass position [m], mass angle "
+    "[rad]."
+)
+"""Units of commands, where a row has the unit of its error."""
 UNSETTLED = (
     "settled -: the specification's funnel never settled, for no segment lasted as "
     "long as its settling time."
@@ -92,7 +97,7 @@ def text_table(runs: list[dict[str, Any]]) -> str:
                 f"{f'{channel} [{unit}]':<14}{run['controller']:<{wide}}{cells}"
             )
     lines += [f"{r['controller']:>{wide}}: {outcome(r)}" for r in runs]
-    return "\n".join([*lines, *_explained(runs)])
+    return "\n".join([*lines, COMMAND_NOTE, *_explained(runs)])
 
 
 _PRINTED = ("rms error", "in the paper")

@@ -13,6 +13,7 @@ from tuning.campaign.analysis.rank_correlations import SEVERITY
 from tuning.campaign.analysis.summary import CampaignSummary, ControllerSummary
 from tuning.campaign.report import figures
 from tuning.campaign.report.text import in_interval
+from tuning.reporting.html import write_html
 from tuning.reporting.output_folder import LOCK
 from tuning.reporting.tables import markdown_table
 
@@ -22,6 +23,7 @@ _WRITTEN = (
     "..",
     "summary.json",
     "report.md",
+    "report.html",
     "levels.png",
     "specification.png",
     LOCK,
@@ -119,7 +121,9 @@ def write_levels(
         "its funnel, strongest first.\n"
     )
     parts += markdown_table(["", "gains", "with"], rows, 3)
-    write_text(folder / "report.md", "\n".join(parts) + "\n")
+    text = "\n".join(parts) + "\n"
+    write_text(folder / "report.md", text)
+    write_html(folder / "report.html", text, ordered[0].provenance)
 
 
 def _specified(

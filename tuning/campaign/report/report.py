@@ -1,6 +1,7 @@
 """The report of a campaign: how likely is trouble, what drives it, in tables."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from jaxglider.plotting.style import (
     styles,
 )
 from jaxglider.signals import CHANNELS
-from tuning.campaign.analysis.rank_correlations import SEVERITY
+from tuning.campaign.analysis.rank_correlations import LEFT, SEVERITY
 from tuning.campaign.analysis.ribbons import ribbons
 from tuning.campaign.analysis.summary import CampaignSummary, severity
 from tuning.campaign.report import figures
@@ -114,27 +115,39 @@ def _required(summary: CampaignSummary) -> list[str]:
     return ["## Requirements\n", *markdown_table(head, rows, 3)]
 
 
+_TITLES = {
+    "rms_error": RMS_ERROR,
+    "max_error_settled": "largest error once settled",
+    "rms_effort": RMS_COMMAND,
+    "chattering": RMS_STEP,
+    "travel": "travel",
+    "time_outside_funnel": OUTSIDE,
+}
+_NAMED = {f"{c}.{m}": f"{c} {t}" for c in CHANNELS for m, t in _TITLES.items()}
+_NAMED |= {
+    "max_roll": "largest roll",
+    LEFT: "leaving a specified funnel",
+    SEVERITY: "severity",
+}
+"""Names of results in tables."""
+
+
+def _with_unit(name: str) -> str:
+    """Name of a result in tables, with its unit if it has one."""
+    of = unit(name)
+    return _NAMED.get(name, name) + ("" if of == "1" else f" [{of}]")
+
+
 def _measures(summary: CampaignSummary) -> list[str]:
-    titles = {
-        "rms_error": RMS_ERROR,
-        "max_error_settled": "largest error once settled",
-        "rms_effort": RMS_COMMAND,
-        "chattering": RMS_STEP,
-        "travel": "travel",
-        "time_outside_funnel": OUTSIDE,
-    }
-    named = {f"{c}.{m}": f"{c} {t}" for c in CHANNELS for m, t in titles.items()}
     rows = []
-    for name, title in {**named, "max_roll": "largest roll"}.items():
+    for name in (n for n in _NAMED if n not in (LEFT, SEVERITY)):
         for label, controller in summary.controllers.items():
             spread = controller.measures[name]
             cells = [
                 f"{short(spread[q]['value'])} {brackets(spread[q]['interval'])}"
                 for q in ("q50", "q95", "cvar95")
             ]
-            rows.append(
-                [f"{title} [{unit(name)}]", label, *cells, short(spread["worst"])]
-            )
+            rows.append([_with_unit(name), label, *cells, short(spread["worst"])])
     head = ["measure", "gains", "median", "95 % below", "mean of worst 5 %", "worst"]
     return ["## How large are the errors\n", *markdown_table(head, rows, 2)]
 
@@ -152,7 +165,7 @@ def _compared(summary: CampaignSummary) -> list[str]:
         )
         rows = [
             [
-                f"{name} [{unit(name)}]",
+                _with_unit(name),
                 f"{short(measure['difference'])} {brackets(measure['interval'])}",
                 f"{short(measure['win_rate'])} {brackets(measure['win_interval'])}",
             ]
@@ -179,19 +192,24 @@ def _failed(summary: CampaignSummary) -> list[str]:
 
 
 def _driven(summary: CampaignSummary) -> list[str]:
-    rows = []
-    for label, controller in summary.controllers.items():
-        for output, ranked in controller.rank_correlations.items():
-            leading = [
-                f"{entry['quantity']} {entry['rho']:+.2f}" for entry in ranked[:4]
-            ]
-            rows.append([label, output, ", ".join(leading)])
+    rows = [
+        [label, _NAMED.get(output, output), _strongest(ranked)]
+        for label, controller in summary.controllers.items()
+        for output, ranked in controller.rank_correlations.items()
+    ]
     return [
         "## What drives it\n",
         "Rank correlation of what was drawn with what came of it, strongest first. "
-        "`severity` is the largest error over the edge of its funnel.\n",
+        "The severity is the largest error over the edge of its funnel.\n",
         *markdown_table(["gains", "of", "with"], rows, 3),
     ]
+
+
+def _strongest(ranked: list[dict[str, Any]]) -> str:
+    """The strongest correlations with a result, in words."""
+    leading = [f"{e['quantity']} {e['rho']:+.2f}" for e in ranked[:4] if e["rho"]]
+    constant = "the same in every member" if ranked else "-"
+    return ", ".join(leading) or constant
 
 
 def _picture(name: str) -> str:
