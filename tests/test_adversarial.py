@@ -112,12 +112,6 @@ def test_the_worst_member_gets_better(tuned):
         return jnp.max(jax.vmap(one)(members))
 
     values = [float(worst_of(x)) for x in (space.write(own, before.free), result.loop)]
-    print(
-        [(s.severity, s.known, s.step, s.members) for s in result.searches],
-        values,
-        result.gains,
-        result.problem.training.values,
-    )
     assert values[1] < 0.9 * values[0]
     # The search comes to what the grid says.
     np.testing.assert_allclose([first.worst, last.worst], values, rtol=0.02)

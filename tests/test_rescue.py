@@ -90,6 +90,21 @@ def test_gains_that_are_not_acceptable_do_not_end_the_search():
     assert float(island(never.free)) < PROMISING_COST * DEFAULT_COST_SCALE
 
 
+def test_gains_are_looked_at_once_and_the_lost_ones_given_are_not_taken():
+    start, seen = jnp.asarray([3.0, 4.0]), []
+
+    def as_given(free):
+        seen.append(tuple(map(float, free)))
+        return bool(jnp.all(free == start))
+
+    free, _, said, _ = promising_gains(
+        task(island), start, None, 0, lambda text: None, as_given
+    )
+    assert float(island(free)) < PROMISING_COST * DEFAULT_COST_SCALE
+    assert f"a search of {MOST_GENERATIONS} generations" in said
+    assert len(seen) == len(set(seen)) > 1
+
+
 def test_where_all_fail_it_is_said_and_the_best_three_are_told():
     free, spent, said, tried = promising_gains(
         task(lambda x: jnp.sum(x) * jnp.nan),

@@ -5,6 +5,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import jax.random as jr
 
 from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Scalar, Series
@@ -61,6 +62,23 @@ def member_losses(
         lambda lane: loss(*lane), as_lanes(copies, members), devices=devices
     )
     return saturate_cost(values.reshape(-1, count), cost_scale)
+
+
+def scattered(centre: Series, key: jax.Array, copies: int, spread: float) -> jax.Array:
+    """Copies of free numbers scattered around them in antithetic pairs.
+
+    Args:
+        centre: free numbers.
+        key: random key.
+        copies: number of copies; with an odd number one stays at the centre.
+        spread: standard deviation of each free number.
+
+    Returns:
+        One row for each copy; their mean is the centre.
+    """
+    offset = spread * jr.normal(key, (copies // 2, centre.shape[0]), centre.dtype)
+    rest = jnp.zeros((copies % 2, centre.shape[0]), centre.dtype)
+    return centre + jnp.concatenate([offset, -offset, rest])
 
 
 def as_lanes(copies: jax.Array, members: Any) -> tuple[jax.Array, Any]:

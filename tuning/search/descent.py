@@ -38,6 +38,7 @@ from tuning.problem.lanes import (
     member_count,
     member_losses,
     saturate_cost,
+    scattered,
 )
 from tuning.problem.objective import DEFAULT_COST_SCALE
 from tuning.search.settings import (
@@ -289,20 +290,3 @@ def _select(flags: jax.Array, yes: Any, no: Any) -> Any:
         return jnp.where(flags.reshape(-1, *(1,) * (a.ndim - 1)), a, b)
 
     return jax.tree.map(pick, yes, no)
-
-
-def scattered(centre: Series, key: jax.Array, copies: int, spread: float) -> jax.Array:
-    """Copies of free numbers scattered around them in antithetic pairs.
-
-    Args:
-        centre: free numbers.
-        key: random key.
-        copies: number of copies; with an odd number one stays at the centre.
-        spread: standard deviation of each free number.
-
-    Returns:
-        One row for each copy; their mean is the centre.
-    """
-    offset = spread * jr.normal(key, (copies // 2, centre.shape[0]), centre.dtype)
-    rest = jnp.zeros((copies % 2, centre.shape[0]), centre.dtype)
-    return centre + jnp.concatenate([offset, -offset, rest])

@@ -5,6 +5,7 @@ nowhere, but a few hundred draws tell which way the gliders fly. Where all of th
 lost there is nothing to descend from, and the search says what it tried.
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -90,7 +91,7 @@ def promising_gains(
     """Gains to descend from instead of gains with which members go astray.
 
     CMA-ES on the training members, until few of them do. Gains that are not acceptable
-    do not end it, and are taken only where no generation has others.
+    do not end it, and are taken only where no others are better than those given.
 
     Args:
         problem: problem to solve.
@@ -105,7 +106,9 @@ def promising_gains(
     members = member_count(problem.training)
     lost = HOPELESS * FAILED_COST * scale
     budget = (1 + DRAWS_PER_GENERATION * MOST_GENERATIONS) * members
-    generations = []
+    generations: list[Generation] = []
+    # Each set of gains is looked at once at most.
+    fit = functools.cache(lambda at: acceptable(generations[at].free))
     search = cma_es(
         run,
         free,
@@ -127,29 +130,44 @@ def promising_gains(
         best = min(generations, key=lambda one: one.loss)
         hopeless = step.number >= MOST_HOPELESS and not best.loss < lost
         promising = step.loss < PROMISING_COST * scale
-        if hopeless or (promising and acceptable(step.free)):
+        if hopeless or (promising and fit(len(generations) - 1)):
             break
-    given, spent = generations[0].loss, generations[-1].rollouts
-    if not best.loss < min(given, lost):
-        hopeless = not best.loss < lost
+    return _outcome(generations, lost, fit)
+
+
+def _outcome(
+    generations: list[Generation], lost: float, fit: Callable[[int], bool]
+) -> SearchResult:
+    """Outcome of a search: its best gains, or those given where none are better.
+
+    Args:
+        generations: the given gains, then each generation.
+        lost: objective from which on gains count as no better than lost ones.
+        fit: whether the gains of a generation are acceptable, by its place.
+    """
+    given, count = generations[0].loss, generations[-1].number
+    spent = generations[-1].rollouts
+    better = [at for at, x in enumerate(generations) if x.loss < min(given, lost)]
+    if not better:
+        hopeless = not given < lost
         return SearchResult(
-            free,
+            generations[0].free,
             spent,
             f"members go astray with the starting gains (objective {given:.3g}), and "
-            f"with {DRAWS_PER_GENERATION * generations[-1].number} others around them"
+            f"with {DRAWS_PER_GENERATION * count} others around them"
             + ("" if hopeless else "; descending all the same."),
             tuple(sorted(generations[1:], key=lambda step: step.loss)[:SHOWN])
             if hopeless
             else (),
         )
-    ranking = sorted(generations, key=lambda one: one.loss)
-    best = next((one for one in ranking if acceptable(one.free)), best)
+    ranking = sorted(better, key=lambda at: generations[at].loss)
+    best = generations[next(filter(fit, ranking), ranking[0])]
     return SearchResult(
         best.free,
         spent,
         f"members go astray with the starting gains (objective {given:.3g}): "
-        f"descending from the best of a search of {best.number} "
-        f"generation{'s' if best.number > 1 else ''} ({best.loss:.3g}).",
+        f"descending from the best of a search of {count} "
+        f"generation{'s' if count > 1 else ''} ({best.loss:.3g}).",
     )
 
 
