@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Sequence
+from concurrent.futures import Future
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,9 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.uncertainty.members import Uncertainty
 from tuning.api.results import TuneResult
 from tuning.evaluation.final_gradient import GradientProbe
-from tuning.evaluation.held_out import Judge, compare_held_out
-from tuning.evaluation.robustness import judge_robustness
+from tuning.evaluation.held_out import Judge, Judged, Verdict, compare_held_out
+from tuning.evaluation.robustness import Robustness, judge_robustness
+from tuning.gradient_check.statement import GradientStatement
 from tuning.problem.aggregates import AbstractAggregate
 from tuning.problem.arguments import instance, objective_of, refuse, texts, whole
 from tuning.problem.fingerprint import fingerprint
@@ -180,11 +182,7 @@ def solve(
     progress.clear()
     for text in problem.space.notes:
         note(text)
-    judge, probe, judging = Judge(problem), GradientProbe(problem), []
-
-    def look() -> tuple[Any, Any]:
-        return judge(problem.loop), probe(problem.loop) if check else None
-
+    judges = _Judges(problem, check)
     try:
         if method is None:
             outcome = descend(
@@ -195,8 +193,7 @@ def solve(
                 checkpoint=checkpoint,
                 resume=resume,
                 check=check,
-                # While it descends on one core, the other compiles what judges.
-                meanwhile=lambda: judging.append(beside(look)),
+                meanwhile=judges.begin,
             )
         else:
             outcome = search_black_box(problem, method, settings, progress)
@@ -213,14 +210,7 @@ def solve(
         searches = (*outcome.rounds, last)
     # By way of the host, off all devices but one: else judging would compile twice.
     tuned = problem.space.write(problem.loop, jnp.asarray(jax.device_get(choice.free)))
-    progress.show("judging on held-out members ...")
-    before, _ = judging[0].result() if judging else look()
-    verdict = compare_held_out(problem, before, judge(tuned))
-    gradient = probe(tuned) if check else None
-    robust = None
-    if check:
-        progress.show("judging at other ticks and from other roundings ...")
-        robust = judge_robustness(judge, tuned)
+    verdict, gradient, robust = judges(tuned, progress)
     remarks = [
         *choice.remarks,
         *([] if gradient is None else [gradient.text()]),
@@ -242,6 +232,48 @@ def solve(
         interrupted=outcome.interrupted,
         seconds=time.monotonic() - begun,
     )
+
+
+class _Judges:
+    """Judges of tuned gains: on held-out members, and if asked of their gradient too.
+
+    While a descent goes on on one core, they compile on the other.
+    """
+
+    def __init__(self, problem: TuningProblem, check: bool) -> None:
+        """Prepare.
+
+        Args:
+            problem: problem to solve.
+            check: whether to look at the gradient, other ticks and roundings.
+        """
+        self._problem, self._judge = problem, Judge(problem)
+        self._probe = GradientProbe(problem) if check else None
+        self._before: Future[Judged] | None = None
+
+    def begin(self) -> None:
+        """Judge the starting gains beside what else is done, compiling all."""
+        self._before = beside(self._at_start)
+
+    def _at_start(self) -> Judged:
+        judged = self._judge(self._problem.loop)
+        if self._probe is not None:
+            self._probe(self._problem.loop)
+        return judged
+
+    def __call__(
+        self, tuned: ClosedLoop, progress: Progress
+    ) -> tuple[Verdict, GradientStatement | None, Robustness | None]:
+        """The verdict on tuned gains, and what was asked for besides."""
+        progress.show("judging on held-out members ...")
+        begun = self._before
+        before = self._judge(self._problem.loop) if begun is None else begun.result()
+        verdict = compare_held_out(self._problem, before, self._judge(tuned))
+        if self._probe is None:
+            return verdict, None, None
+        gradient = self._probe(tuned)
+        progress.show("judging at other ticks and from other roundings ...")
+        return verdict, gradient, judge_robustness(self._judge, tuned)
 
 
 def _checkpoint(
