@@ -111,6 +111,8 @@ def test_the_report_says_how_missions_ended_and_what_they_cost(
     likely = text.partition("## How likely is trouble")[2].partition("\n## ")[0]
     assert "| pitch |" in likely
     assert "| depth |" not in likely
+    assert "| depth travel [kg] |" in text
+    assert "| depth rms error [m] |" not in text
 
 
 def test_ends_are_refused_where_no_yos_are_flown(sweep):

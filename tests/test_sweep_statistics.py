@@ -10,7 +10,8 @@ from scipy import stats
 from jaxglider.signals import CHANNELS
 from tuning.campaign.analysis.rank_correlations import rank_correlations
 from tuning.campaign.analysis.summary import CampaignSummary, ControllerSummary
-from tuning.campaign.report.report import _driven, _with_unit
+from tuning.campaign.report.names import with_unit
+from tuning.campaign.report.report import _driven
 from tuning.campaign.report.sensitivity_section import LEAST_BLOCKS, blamed
 from tuning.campaign.report.text import LINES, brackets, text_summary
 from tuning.campaign.run.rows import unit
@@ -256,6 +257,8 @@ def test_a_result_that_is_the_same_in_every_member_has_no_driver():
 
 
 def test_measures_in_tables_have_words_and_units():
-    assert _with_unit("max_roll") == "largest roll [rad]"
-    assert _with_unit("depth.travel") == "depth travel [kg]"
-    assert _with_unit("severity") == "severity"
+    assert with_unit("max_roll") == "largest roll [rad]"
+    assert with_unit("depth.travel") == "depth travel [kg]"
+    assert with_unit("severity") == "severity"
+    assert with_unit("flight.strokes") == "strokes of the pump"
+    assert with_unit("flight.energy_per_made_good") == "energy per way made good [J/m]"

@@ -135,6 +135,11 @@ class CampaignSummary:
     requirements: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     provenance: dict[str, Any] = dataclasses.field(default_factory=dict)
 
+    @property
+    def has_flights(self) -> bool:
+        """Whether yos were flown."""
+        return any(of.ends for of in self.controllers.values())
+
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, as they stand in summary.json."""
         table = dataclasses.asdict(self)

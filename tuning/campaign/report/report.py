@@ -15,25 +15,19 @@ from jaxglider.plotting.style import (
     new_figure,
     styles,
 )
-from jaxglider.signals import CHANNELS
-from tuning.campaign.analysis.rank_correlations import LEFT, SEVERITY
+from tuning.campaign.analysis.rank_correlations import SEVERITY
 from tuning.campaign.analysis.ribbons import ribbons
 from tuning.campaign.analysis.summary import CampaignSummary, severity
 from tuning.campaign.report import figures
 from tuning.campaign.report.flights_section import flights_section
+from tuning.campaign.report.names import DEPTH_ERRORS, ERRORS, NAMED, with_unit
 from tuning.campaign.report.sensitivity_section import blamed, sobol_figure
 from tuning.campaign.report.specified_section import specified_section
 from tuning.campaign.report.text import brackets, in_interval, short, told
 from tuning.campaign.run.campaign import Campaign
-from tuning.campaign.run.rows import Rows, unit
+from tuning.campaign.run.rows import Rows
 from tuning.reporting.html import write_html
-from tuning.reporting.tables import (
-    OUTSIDE,
-    RMS_COMMAND,
-    RMS_ERROR,
-    RMS_STEP,
-    markdown_table,
-)
+from tuning.reporting.tables import markdown_table
 
 _TOP = 8
 
@@ -115,39 +109,21 @@ def _required(summary: CampaignSummary) -> list[str]:
     return ["## Requirements\n", *markdown_table(head, rows, 3)]
 
 
-_TITLES = {
-    "rms_error": RMS_ERROR,
-    "max_error_settled": "largest error once settled",
-    "rms_effort": RMS_COMMAND,
-    "chattering": RMS_STEP,
-    "travel": "travel",
-    "time_outside_funnel": OUTSIDE,
-}
-_NAMED = {f"{c}.{m}": f"{c} {t}" for c in CHANNELS for m, t in _TITLES.items()}
-_NAMED |= {
-    "max_roll": "largest roll",
-    LEFT: "leaving a specified funnel",
-    SEVERITY: "severity",
-}
-"""Names of results in tables."""
-
-
-def _with_unit(name: str) -> str:
-    """Name of a result in tables, with its unit if it has one."""
-    of = unit(name)
-    return _NAMED.get(name, name) + ("" if of == "1" else f" [{of}]")
+def _left_out(summary: CampaignSummary) -> tuple[str, ...]:
+    """Results that say nothing in a campaign."""
+    return DEPTH_ERRORS if summary.has_flights else ()
 
 
 def _measures(summary: CampaignSummary) -> list[str]:
     rows = []
-    for name in (n for n in _NAMED if n not in (LEFT, SEVERITY)):
+    for name in (n for n in ERRORS if n not in _left_out(summary)):
         for label, controller in summary.controllers.items():
             spread = controller.measures[name]
             cells = [
                 f"{short(spread[q]['value'])} {brackets(spread[q]['interval'])}"
                 for q in ("q50", "q95", "cvar95")
             ]
-            rows.append([_with_unit(name), label, *cells, short(spread["worst"])])
+            rows.append([with_unit(name), label, *cells, short(spread["worst"])])
     head = ["measure", "gains", "median", "95 % below", "mean of worst 5 %", "worst"]
     return ["## How large are the errors\n", *markdown_table(head, rows, 2)]
 
@@ -165,11 +141,12 @@ def _compared(summary: CampaignSummary) -> list[str]:
         )
         rows = [
             [
-                _with_unit(name),
+                with_unit(name),
                 f"{short(measure['difference'])} {brackets(measure['interval'])}",
                 f"{short(measure['win_rate'])} {brackets(measure['win_interval'])}",
             ]
             for name, measure in pair["measures"].items()
+            if name not in _left_out(summary)
         ]
         head = ["measure", "mean difference", f"{pair['second']} lower"]
         parts += markdown_table(head, rows, 1)
@@ -193,7 +170,7 @@ def _failed(summary: CampaignSummary) -> list[str]:
 
 def _driven(summary: CampaignSummary) -> list[str]:
     rows = [
-        [label, _NAMED.get(output, output), _strongest(ranked)]
+        [label, NAMED.get(output, output), _strongest(ranked)]
         for label, controller in summary.controllers.items()
         for output, ranked in controller.rank_correlations.items()
     ]

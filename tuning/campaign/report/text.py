@@ -23,13 +23,11 @@ LINES = {
 
 def told(summary: CampaignSummary) -> dict[str, str]:
     """Titles of the probabilities that mean something in a campaign, by their names."""
-    flights = any(of.ends for of in summary.controllers.values())
-    left_out = set() if flights else set(ENDS)
+    flights = summary.has_flights
+    # A glider whose ballast is set once per phase tracks no depth.
+    left_out = {"p_violation_depth"} if flights else set(ENDS)
     if not (summary.has_waypoints or flights):
         left_out.add("p_unfinished")
-    if flights:
-        # A glider whose ballast is set once per phase tracks no depth.
-        left_out.add("p_violation_depth")
     return {name: title for name, title in LINES.items() if name not in left_out}
 
 
@@ -41,7 +39,6 @@ def text_summary(summary: CampaignSummary) -> str:
         f"{100 * uncertainty:g} %" if isinstance(uncertainty, float) else "from a file"
     )
     rows = [["probability", *controllers]]
-    flights = any(of.ends for of in controllers.values())
     for name, title in told(summary).items():
         entries = [of.probabilities[name] for of in controllers.values()]
         if name in ENDS and not any(entry["k"] for entry in entries):
@@ -51,7 +48,7 @@ def text_summary(summary: CampaignSummary) -> str:
     rows.append(["95 % of members below"])
     every = list(controllers.values())
     for channel, unit in CHANNEL_UNITS.items():
-        if channel == "depth" and flights:
+        if channel == "depth" and summary.has_flights:
             continue
         name = f"{channel}.rms_error"
         entries = [of.measures[name]["q95"] for of in controllers.values()]
@@ -63,7 +60,7 @@ def text_summary(summary: CampaignSummary) -> str:
         entries = [of.measures[name]["q95"] for of in every]
         title = f"  {command.replace('_', ' ')} travel [{COMMAND_UNITS[command]}]"
         rows.append([title, *map(_quantile, entries)])
-    if flights:
+    if summary.has_flights:
         name = "flight.energy_per_through_water"
         entries = [of.measures[name]["q95"] for of in controllers.values()]
         rows.append(["  energy [kJ/km]", *map(_quantile, entries)])
