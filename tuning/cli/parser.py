@@ -14,16 +14,15 @@ from tuning.cli.options.arguments import (
     add_common,
     add_dt,
     add_duration,
-    add_mission,
     add_overwrite,
     add_table,
     count,
     law,
     law_or_all,
-    mission_file,
     seed,
 )
 from tuning.cli.options.export import add_controller_binary, add_export
+from tuning.cli.options.missions import add_mission, mission_file
 from tuning.cli.options.record import add_fit, add_record
 from tuning.cli.options.short_errors import Parser
 from tuning.cli.options.sweep import add_merge, add_rerun, add_sweep

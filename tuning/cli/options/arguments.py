@@ -1,13 +1,12 @@
 """Arguments that commands share, and what they may be; nothing here imports JAX."""
 
 import argparse
-import importlib.util
 import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tuning.cli.options.short_errors import Mission, nearest
+from tuning.cli.options.missions import add_mission
 
 SCENARIOS = ("switching", "waypoints")
 PLANTS = ("printed", "rigid-body", "seawing")
@@ -141,45 +140,6 @@ def checked(text: str, kind: Any, holds: Callable[[Any], bool], rule: str) -> An
     return value
 
 
-def shipped_missions() -> dict[str, Path]:
-    """Files of the missions of the package by their names; the package stays asleep."""
-    spec = importlib.util.find_spec("jaxglider")
-    if spec is None or spec.origin is None:
-        return {}
-    folder = Path(spec.origin).parent / "files" / "flight" / "missions"
-    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
-
-
-def mission_file(text: str) -> Path:
-    """A mission file, or that of a mission of the package where there is no such file.
-
-    An existing file or folder of that name stands before it.
-
-    Raises:
-        argparse.ArgumentTypeError: it is neither, and nearly such a name.
-    """
-    path = Path(text)
-    # What is no name may be the value of an option that is misspelt.
-    if path.exists() or path.suffix or not nearest(text, shipped_missions()):
-        return path
-    return mission_name(text)
-
-
-def mission_name(text: str) -> Path:
-    """The file of a mission of the package.
-
-    Raises:
-        argparse.ArgumentTypeError: there is none of that name.
-    """
-    known = shipped_missions()
-    if text not in known:
-        raise argparse.ArgumentTypeError(
-            f"must be one of {', '.join(known)}; received {text!r}"
-            f"{nearest(text, known)}"
-        )
-    return known[text]
-
-
 def add_dt(parser: argparse.ArgumentParser) -> None:
     """The control tick."""
     parser.add_argument(
@@ -205,34 +165,6 @@ def add_controller(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"{', '.join(CONTROLLERS)}, or {OWN_LAW}; default: fxtppc, or what "
         "--gains or --config has",
-    )
-
-
-def add_mission(parser: argparse.ArgumentParser, text: str) -> None:
-    """A mission file, named alone or by `--config`.
-
-    Args:
-        parser: parser of the command.
-        text: explanation of it.
-    """
-    parser.add_argument(
-        "config",
-        nargs="?",
-        type=mission_file,
-        action=Mission,
-        metavar="MISSION",
-        help="mission file, as --config FILE, or name, as --mission NAME",
-    )
-    parser.add_argument(
-        "--mission",
-        dest="config",
-        type=mission_name,
-        action=Mission,
-        metavar="NAME",
-        help="mission of the package (`jaxglider missions` lists them)",
-    )
-    parser.add_argument(
-        "--config", type=Path, action=Mission, metavar="FILE", help=text
     )
 
 

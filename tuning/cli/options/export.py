@@ -10,11 +10,11 @@ from tuning.cli.options.arguments import (
     PLANTS,
     SCENARIOS,
     add_dt,
-    add_mission,
     checked,
     law,
     positive,
 )
+from tuning.cli.options.missions import add_mission
 
 FORMATS = ("c", "toml", "json", "stablehlo")
 INPUTS = ("sensors", "state")

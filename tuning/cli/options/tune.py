@@ -29,6 +29,7 @@ def add_tune(commands: Any) -> None:
     parser = commands.add_parser("tune", help=text, description=text + ".")
     _add_task(parser)
     _add_ensemble(parser)
+    _add_objective(parser)
     _add_descent(parser)
     parser.add_argument(
         "--no-check",
@@ -238,12 +239,16 @@ def _add_ensemble(parser: argparse.ArgumentParser) -> None:
         help="so many times after the descent, search for the worst members for the "
         "gains reached, tune on four of them too, and descend again; default: 0",
     )
-    ensemble.add_argument(
+
+
+def _add_objective(parser: argparse.ArgumentParser) -> None:
+    objective = parser.add_argument_group("objective")
+    objective.add_argument(
         "--aggregate",
         choices=("mean", "cvar", "worst"),
         help="how members' costs become one; default: mean",
     )
-    ensemble.add_argument(
+    objective.add_argument(
         "--objective",
         type=Path,
         metavar="FILE",
@@ -251,7 +256,7 @@ def _add_ensemble(parser: argparse.ArgumentParser) -> None:
         "roll_limit_rad, saturation; a number, or a table of depth, pitch, heading) "
         "and [aggregate] (kind, share, sharpness)",
     )
-    ensemble.add_argument(
+    objective.add_argument(
         "--cost",
         metavar="FILE.py:NAME",
         help="your own cost instead: a function of the metrics of a run and of those "
