@@ -1,5 +1,7 @@
 """The command line as a newcomer meets it: results, messages and exit codes."""
 
+import dataclasses
+import inspect
 import json
 import os
 import pty
@@ -32,6 +34,9 @@ from jaxglider.paper.tuned import tuned_gains
 from jaxglider.simulation.rollout import Trajectory
 from tuning.cli.main import main
 from tuning.cli.parser import parser
+from tuning.cli.session.from_options import black_box_settings, descent_settings
+from tuning.problem.spec import EnsembleSpec, ProblemSpec
+from tuning.search.settings import BlackBoxSettings, DescentSettings
 from tuning.space.coordinates import tunable_paths
 from tuning.space.space import CONSTRAINTS, HELD_BY_DEFAULT
 
@@ -97,6 +102,49 @@ def test_names_on_the_command_line_are_those_of_the_package():
     }
     assert tuple(BY_NAME) == tuning.cli.parser.CONTROLLERS
     assert paper.CONTROLLERS == tuning.cli.options.arguments.PAPER_CONTROLLERS
+
+
+TOLD_OTHERWISE = {"out", "objective", "method", "steps"}
+"""Options whose default a function has as None, or as what the word stands for."""
+
+
+@pytest.mark.parametrize(
+    ("words", "function", "renamed"),
+    [
+        ("tune", tuning.tune, {}),
+        ("sweep", tuning.sweep, {}),
+        ("worst", tuning.worst, {}),
+        ("fit flight.csv", tuning.fit, {"worst": "profile"}),
+    ],
+)
+def test_a_command_and_its_function_have_the_same_defaults(words, function, renamed):
+    options = vars(parser().parse_args(words.split()))
+    plain = lambda value: tuple(value) if isinstance(value, list) else value
+    told, own = {}, {}
+    for name, one in inspect.signature(function).parameters.items():
+        option = renamed.get(name, name)
+        if option in options and one.default is not one.empty:
+            told[name], own[name] = plain(options[option]), one.default
+    for name in TOLD_OTHERWISE & set(told):
+        del told[name], own[name]
+    if words == "sweep":
+        own["uncertainty"] = (own["uncertainty"],)
+    assert len(told) >= 4
+    assert told == own
+
+
+def test_settings_left_to_tune_are_those_of_the_library():
+    options = parser().parse_args(["tune"])
+    assert descent_settings(options) == DescentSettings()
+    assert options.gradient_memory == ProblemSpec.gradient_memory
+    options = parser().parse_args(["tune", "--method", "cma"])
+    assert black_box_settings(options) == BlackBoxSettings("cma")
+    drawn = {x.name: x.default for x in dataclasses.fields(EnsembleSpec)}
+    assert (options.members, options.validation, options.test) == (
+        drawn["training"],
+        drawn["validation"],
+        drawn["test"],
+    )
 
 
 def test_help_and_version_import_nothing_heavy(tmp_path):
