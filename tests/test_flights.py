@@ -35,7 +35,7 @@ from jaxglider.guidance.phases import (
     SURFACE,
 )
 from jaxglider.paper.tuned import tuned_gains
-from jaxglider.plotting.flight import dive_spans, energy, save_dives
+from jaxglider.plotting.flight import PANELS, dive, dive_spans, energy, save_dives
 from jaxglider.plotting.style import new_figure
 from jaxglider.signals import BodyAxes, Channels, Command, GliderState, zeros
 from jaxglider.simulation.flight import halves
@@ -458,6 +458,10 @@ def test_each_dive_has_a_page_from_one_inflection_at_the_top_to_the_next(
     path = tmp_path / "dives.pdf"
     assert save_dives(path, run, slocum.scenario.actuators, "two") == 2
     assert len(re.findall(rb"/Type /Page\b", path.read_bytes())) == 2
+    axes = new_figure(3.0, 9.0).subplots(PANELS, 1)
+    dive(axes, shallow, slocum.scenario.actuators, spans[0], "one")
+    named = {text.get_text() for text in axes[0].get_legend().get_texts()}
+    assert named == {*PHASES, "wanted", "limit"} - {"surface"}
 
 
 def test_the_figure_of_energy_ends_with_what_was_spent(shallow):

@@ -131,12 +131,14 @@ def _panels(
     count = np.size(axes)
     panels = flat(axes, PANELS if count == PANELS else PANELS - 1, "flight")
     phase, depth = np.asarray(ticks.phase), drawable(ticks.state.depth)
-    for number in range(len(PHASES)):
+    handles: list[Line2D] = []
+    for number in np.unique(phase).astype(int):
         # A line ends where the next one begins: one tick longer than its phase.
         own = phase == number
         own |= np.concatenate([[False], own[:-1]])
-        colour = PHASE_COLOURS[number]
-        panels[0].plot(time, np.where(own, depth, np.nan), color=colour)
+        colour, name = PHASE_COLOURS[number], PHASES[number]
+        shown = np.where(own, depth, np.nan)
+        handles += panels[0].plot(time, shown, color=colour, label=name)
     panels[0].invert_yaxis()
     panels[0].set_ylabel("depth (m)")
     _attitude(panels[1:-3], ticks, time)
@@ -150,10 +152,6 @@ def _panels(
         axis.set_ylabel(title)
     panels[-1].set_xlabel(unit)
     panels[-1].set_xlim(0.0, max(float(time[-1]), 1e-3) if time.size else 1.0)
-    handles = [
-        Line2D([], [], color=colour, label=name)
-        for name, colour in zip(PHASES, PHASE_COLOURS, strict=True)
-    ]
     wanted = Line2D([], [], color=INK, lw=0.8, ls=(0, (4, 2)), label="wanted")
     limits = Line2D([], [], color=INK, lw=0.8, ls=(0, (1, 1.5)), label="limit")
     legend_above(panels[0], [*handles, wanted, limits])
