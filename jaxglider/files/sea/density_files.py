@@ -12,7 +12,16 @@ from typing import Any
 import numpy as np
 
 from jaxglider.core.toml import ConfigError, file_text
-from jaxglider.files.sea.netcdf import Moment, at_start, name_of, opened, variable
+from jaxglider.files.sea.moment import Moment
+from jaxglider.files.sea.netcdf import (
+    at_place,
+    at_time,
+    depths,
+    found,
+    opened,
+    over,
+    variable,
+)
 
 
 def read_profile(path: Path, moment: Moment) -> dict[str, Any]:
@@ -110,15 +119,15 @@ def _density(
 
 def _model_profile(path: Path, moment: Moment) -> tuple[np.ndarray, np.ndarray]:
     with opened(path) as data:
-        one = at_start(path, data, moment)
+        one = at_time(path, at_place(path, data, moment), moment)
         salt = variable(path, one, ("so", "salinity", "s_an", "PSAL", "SALT"))
         warm = variable(
             path, one, ("thetao", "temperature", "t_an", "TEMP", "to", "THETA")
         )
-        depth = np.asarray(one[name_of(path, one, "depth")], float)
+        depth = depths(path, one)
+        axis = [found(one, "depth")]
         potential = warm.name in ("thetao", "THETA") or "potential" in str(
             warm.attrs.get("standard_name", "")
         )
-        return depth, _density(
-            path, depth, np.ravel(warm), np.ravel(salt), potential=potential
-        )
+        values = [over(path, each, axis) for each in (warm, salt)]
+        return depth, _density(path, depth, *values, potential=potential)

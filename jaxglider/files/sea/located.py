@@ -15,7 +15,7 @@ import numpy as np
 from jaxglider.core.toml import ConfigError, TomlTable
 from jaxglider.files.sea.current_files import read_currents
 from jaxglider.files.sea.density_files import read_profile
-from jaxglider.files.sea.netcdf import Moment, started
+from jaxglider.files.sea.moment import Moment, started
 from jaxglider.files.sea.places import Plane, checked, within
 from jaxglider.files.sea.seabed_files import read_seabed_grid
 from jaxglider.files.sea.waypoint_files import read_waypoints
