@@ -86,7 +86,12 @@ def test_courses_of_other_programs_are_the_same_places(tmp_path, name):
     [
         ("a.kmz", "", "must end in .gpx"),
         ("a.gpx", "<gpx>", "no XML"),
-        ("a.gpx", "<gpx/>", "no waypoint"),
+        ("a.gpx", " \n", r"a\.gpx is empty"),
+        (
+            "a.gpx",
+            "<gpx/>",
+            "no waypoint in it; it needs a route, waypoints or a track",
+        ),
         (
             "a.gpx",
             GPX.replace("<gpx", "<gpx><rte><rtept/></rte><a").replace(
@@ -95,9 +100,11 @@ def test_courses_of_other_programs_are_the_same_places(tmp_path, name):
             "2 routes in it",
         ),
         ("a.geojson", "{", "no JSON"),
+        ("a.geojson", '{"type": "Polygon", "features": null}', "needs a LineString"),
         ("a.geojson", '{"type": "LineString", "coordinates": 3}', "must be a list"),
         ("a.csv", "x,y\n1,2\n", "must name columns latitude and longitude"),
-        ("a.csv", "lat,lon\n1,east\n", "lon in line 2 must be a number"),
+        ("a.csv", "# b\nlat,lon\n\n1,east\n", "lon in line 4 must be a number"),
+        ("a.csv", "lat,lon\n1\n", "line 2 has 1 values; the first has 2 names"),
         ("a.csv", "lat,lon\n121.0,54.0\n", "Are the two swapped"),
         ("a.ma", "1 2\n", "between <start:waypoints>"),
         ("a.ma", GOTO.replace("5424.6000", "5464.6", 1), "it has 64.6 minutes"),
@@ -353,7 +360,7 @@ def test_water_of_elsewhere_is_refused(tmp_path, table, tables, complaint):
 
 def test_density_profiles_of_files(tmp_path):
     (tmp_path / "ctd.csv").write_text(
-        "# a cast\ndepth_m,density_kg_m3\n20,1012\n0,1005\n20,1012\n"
+        "# a cast\ndepth_m, density_kg_m3\n20,1012\n0,1005\n20,1012\n"
     )
     data = mission(water={"stratification": {"file": "ctd.csv"}})
     table = with_sea_inside(data, tmp_path)["water"]["stratification"]["profile"]
@@ -389,7 +396,9 @@ def test_a_climatology_of_months_needs_no_date(tmp_path):
         ("depth_m,sigma\n0,5\n", "must name depth_m and density_kg_m3"),
         ("depth_m,density_kg_m3\n0,5\n10,7\n", "Anomalies"),
         ("depth_m,density_kg_m3\n0,1005\n", "two depths"),
-        ("depth_m,density_kg_m3\n0,\n", "column density_kg_m3"),
+        ("depth_m,density_kg_m3\n", "two depths"),
+        ("depth_m,density_kg_m3\n0,\n", "density_kg_m3 in line 2 must be a number"),
+        ("depth_m,density_kg_m3\n-9,1007\n0,1005\n", "depth must be positive down"),
     ],
 )
 def test_profiles_that_are_none_are_refused(tmp_path, text, complaint):
