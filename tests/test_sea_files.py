@@ -161,6 +161,9 @@ def test_a_course_in_degrees_is_flown_in_metres(tmp_path):
     assert read.loop.scenario.origin.place == (54.4, 10.2)
     assert not read.loop.scenario.origin.moved
     assert not read.remarks
+    away = mission(waypoints={"latitude_deg": [55.4], "longitude_deg": [10.2]})
+    (said,) = build_mission(away).remarks
+    assert "m away, too far for 800 s" in said
 
 
 @pytest.mark.parametrize(
