@@ -60,7 +60,7 @@ def profiles(
 ) -> dict[str, tuple[float, float]]:
     """Ends of the profile's 95 % interval by number, of the numbers told worst.
 
-    An end that is not found within `FARTHEST` is infinite.
+    An end that is not found within `FARTHEST` is NaN.
 
     Args:
         stages: stages of the fit.
@@ -74,12 +74,10 @@ def profiles(
     found = {}
     for _, n, k in sorted(spreads, reverse=True)[:count]:
         stage, number = stages[n], stages[n].numbers[k]
-        ends = [_end(stage, k, side) for side in (-1.0, 1.0)]
-        values = [
-            float(number.value(x)) if np.isfinite(x) else float("nan") for x in ends
-        ]
-        low, high = sorted(values) if np.all(np.isfinite(values)) else values
-        found[number.name] = (low, high)
+        # A number that keeps its negative sign falls as its coordinate rises.
+        rises = 1.0 if number.value(1.0) > number.value(-1.0) else -1.0
+        low, high = (_end(stage, k, side) for side in (-rises, rises))
+        found[number.name] = (float(number.value(low)), float(number.value(high)))
     return found
 
 
@@ -97,7 +95,7 @@ def _end(stage: SearchedStage, number: int, side: float) -> float:
             break
         # The square root of the rise is a straight line for a straight model.
         reach *= float(np.clip(np.sqrt(RISE / max(rise, 1e-3)), 0.3, 3.0))
-    return float(best[number] + side * reach) if reach <= FARTHEST else np.inf
+    return float(best[number] + side * reach) if reach <= FARTHEST else np.nan
 
 
 def _rise(stage: SearchedStage, number: int, start: np.ndarray, least: float) -> float:
