@@ -38,6 +38,16 @@ class Number(Protocol):
         """The number from its coordinate."""
 
 
+class Model(Protocol):
+    """Predicted rows and their Jacobian at some coordinates."""
+
+    def __call__(self, x: np.ndarray) -> tuple[Rows, Rows]:
+        """Rows and Jacobian at x."""
+
+    def changed(self, change: Callable[[Any], Any]) -> "Model":
+        """The same of a flight with other inputs."""
+
+
 @dataclasses.dataclass(frozen=True)
 class SearchedStage:
     """A stage that has been fitted, with what it takes to fit it again.
@@ -50,7 +60,7 @@ class SearchedStage:
     """
 
     numbers: tuple[Number, ...]
-    model: Callable[[np.ndarray], tuple[Rows, Rows]]
+    model: Model
     measured: Rows
     solution: Solution
 
@@ -76,17 +86,21 @@ def profiles(
         stage, number = stages[n], stages[n].numbers[k]
         # A number that keeps its negative sign falls as its coordinate rises.
         rises = 1.0 if number.value(1.0) > number.value(-1.0) else -1.0
-        low, high = (_end(stage, k, side) for side in (-rises, rises))
+        least = _loss(stage, stage.solution.x)
+        low, high = (_end(stage, k, side, least) for side in (-rises, rises))
         found[number.name] = (float(number.value(low)), float(number.value(high)))
     return found
 
 
-def _end(stage: SearchedStage, number: int, side: float) -> float:
+def _loss(stage: SearchedStage, x: np.ndarray) -> float:
+    return loss_of(stage.model, stage.measured, stage.solution.noise, x)
+
+
+def _end(stage: SearchedStage, number: int, side: float, least: float) -> float:
     """The coordinate on one side at which the loss has risen by `RISE`."""
     best, covariance = stage.solution.x, stage.solution.covariance
     spread = float(np.sqrt(covariance[number, number]))
     direction = covariance[:, number] / covariance[number, number]
-    least = loss_of(stage.model, stage.measured, stage.solution.noise, best)
     reach = np.sqrt(RISE) * spread
     for _ in range(_TRIES):
         moved = best + side * reach * direction
@@ -107,7 +121,7 @@ def _rise(stage: SearchedStage, number: int, start: np.ndarray, least: float) ->
         return predicted, {n: np.delete(s, number, axis=1) for n, s in slopes.items()}
 
     if len(start) == 1:
-        return loss_of(stage.model, stage.measured, stage.solution.noise, start) - least
+        return _loss(stage, start) - least
     result = search(
         remembered(others),
         stage.measured,
