@@ -195,9 +195,10 @@ def test_a_course_in_degrees_is_flown_in_metres(tmp_path):
             "needs initial_state.latitude_deg",
         ),
         ({"clock": {"start": "2024"}}, "clock.start must be a date"),
-        ({"water": {"current": {"file": 3}}}, "file must be a path"),
+        ({"water": {"current": {"file": 3}}}, r"water\.current\.file must be a path"),
         ({"water": {"current": {"file": "no.nc"}}}, "no such file"),
-        ({"seabed": {"file": "a.gpx", "grid": {}}}, "are both given"),
+        ({"seabed": {"file": "a.gpx"}}, "It must be NetCDF"),
+        ({"seabed": {"file": "a.gpx", "grid": {}}}, "seabed.grid and seabed.file are"),
     ],
 )
 def test_places_that_cannot_be_are_refused(tmp_path, tables, complaint):

@@ -39,9 +39,11 @@ def opened(path: Path) -> Any:
         ) from error
     try:
         return xarray.open_dataset(path, engine="netcdf4", decode_times=False)
+    except FileNotFoundError as error:
+        raise ConfigError(f"{path} cannot be read: {reason(error)}.") from error
     except (OSError, ValueError, RuntimeError) as error:
         raise ConfigError(
-            f"{path} cannot be read as NetCDF: {reason(error)}."
+            f"{path} cannot be read: {reason(error)}. It must be NetCDF."
         ) from error
 
 
@@ -94,7 +96,8 @@ def variable(path: Path, data: Any, names: Sequence[str]) -> Any:
             return data[name]
     raise ConfigError(
         f"{path}: none of the variables {', '.join(names)}; it has "
-        f"{', '.join(map(str, data.data_vars))}."
+        f"{', '.join(map(str, data.data_vars)) or 'none'}. Take another file, or "
+        "rename one, by `ncrename -v` for one."
     )
 
 
