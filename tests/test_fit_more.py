@@ -32,12 +32,12 @@ class Model:
         return Model(change(self.basis), self.bend)
 
 
-def stage(basis, bend=0.0):
+def stage(basis, bend=0.0, start=2.0):
     model = Model(basis, bend)
     measured = {"depth_rate": model(np.full(basis.shape[1], 0.1))[0]["depth_rate"]}
     solution = solve(model, measured, basis.shape[1], noise=NOISE)
     numbers = tuple(
-        FreeParameter(name, "m", 2.0, 0.5, False, True)
+        FreeParameter(name, "m", start, 0.5, start < 0.0, True)
         for name in ("a", "b")[: basis.shape[1]]
     )
     return SearchedStage(numbers, model, measured, solution)
@@ -52,6 +52,14 @@ def test_the_profile_of_a_straight_model_is_the_fisher_interval():
         at = 2.0 + 0.5 * straight.solution.x[k]
         half = 1.96 * 0.5 * straight.solution.covariance[k, k] ** 0.5
         assert found[name] == pytest.approx((at - half, at + half), rel=0.02)
+
+
+def test_the_interval_of_a_negative_number_goes_from_low_to_high():
+    below = stage(0.01 * np.ones((200, 1)), start=-2.0)
+    low, high = profiles([below], 1)["a"]
+    at, half = below.solution.x[0], 1.96 * below.solution.covariance[0, 0] ** 0.5
+    expected = -2.0 * np.exp(0.25 * np.array([at + half, at - half]))
+    assert (low, high) == pytest.approx(tuple(expected), rel=0.02)
 
 
 def test_only_the_numbers_told_worst_are_looked_at():

@@ -12,8 +12,10 @@ from cf_checker import complaints
 
 from jaxglider import paper
 from jaxglider.core.toml import ConfigError
+from jaxglider.environment.tables import DensityProfile
 from jaxglider.environment.water import Stratification, Water
 from jaxglider.files.records.og1 import identifier, write_og1
+from jaxglider.files.records.og1_variables import og1_columns
 from jaxglider.files.sea.places import Plane
 from jaxglider.simulation.origin import Origin
 from jaxglider.simulation.rollout import simulate
@@ -147,6 +149,16 @@ def test_our_reader_reads_it_and_it_can_be_fitted(path):
     expected = 1025.0 * (1.0 + 1e-4 * (depth[there] - 10.0))
     assert density[there] == pytest.approx(expected, rel=1e-6)
     assert uniform(record).dives() == 3
+
+
+def test_density_is_that_of_the_profile(run, scenario):
+    profile = DensityProfile([0.0, 40.0], [1005.0, 1009.0])
+    water = Water(None, Stratification(65.0, neutral_depth=10.0, profile=profile))
+    baltic = dataclasses.replace(scenario, water=water)
+    columns = og1_columns(run, baltic, START)
+    expected = np.clip(1005.0 + 0.1 * columns["DEPTH"], 1005.0, 1009.0)
+    assert columns["DENSITY"] == pytest.approx(expected, rel=1e-6)
+    assert columns["VBD_CC"].min() == pytest.approx(-0.2e6 / 1006.0, rel=1e-6)
 
 
 def test_a_mission_that_is_nowhere_is_refused(run, scenario, tmp_path):

@@ -86,7 +86,12 @@ def test_courses_of_other_programs_are_the_same_places(tmp_path, name):
     [
         ("a.kmz", "", "must end in .gpx"),
         ("a.gpx", "<gpx>", "no XML"),
-        ("a.gpx", "<gpx/>", "no waypoint"),
+        ("a.gpx", " \n", r"a\.gpx is empty"),
+        (
+            "a.gpx",
+            "<gpx/>",
+            "no waypoint in it; it needs a route, waypoints or a track",
+        ),
         (
             "a.gpx",
             GPX.replace("<gpx", "<gpx><rte><rtept/></rte><a").replace(
@@ -95,9 +100,11 @@ def test_courses_of_other_programs_are_the_same_places(tmp_path, name):
             "2 routes in it",
         ),
         ("a.geojson", "{", "no JSON"),
+        ("a.geojson", '{"type": "Polygon", "features": null}', "needs a LineString"),
         ("a.geojson", '{"type": "LineString", "coordinates": 3}', "must be a list"),
         ("a.csv", "x,y\n1,2\n", "must name columns latitude and longitude"),
-        ("a.csv", "lat,lon\n1,east\n", "lon in line 2 must be a number"),
+        ("a.csv", "# b\nlat,lon\n\n1,east\n", "lon in line 4 must be a number"),
+        ("a.csv", "lat,lon\n1\n", "line 2 has 1 values; the first has 2 names"),
         ("a.csv", "lat,lon\n121.0,54.0\n", "Are the two swapped"),
         ("a.ma", "1 2\n", "between <start:waypoints>"),
         ("a.ma", GOTO.replace("5424.6000", "5464.6", 1), "it has 64.6 minutes"),
@@ -154,6 +161,9 @@ def test_a_course_in_degrees_is_flown_in_metres(tmp_path):
     assert read.loop.scenario.origin.place == (54.4, 10.2)
     assert not read.loop.scenario.origin.moved
     assert not read.remarks
+    away = mission(waypoints={"latitude_deg": [55.4], "longitude_deg": [10.2]})
+    (said,) = build_mission(away).remarks
+    assert "m away, too far for 800 s" in said
 
 
 @pytest.mark.parametrize(
@@ -185,9 +195,10 @@ def test_a_course_in_degrees_is_flown_in_metres(tmp_path):
             "needs initial_state.latitude_deg",
         ),
         ({"clock": {"start": "2024"}}, "clock.start must be a date"),
-        ({"water": {"current": {"file": 3}}}, "file must be a path"),
+        ({"water": {"current": {"file": 3}}}, r"water\.current\.file must be a path"),
         ({"water": {"current": {"file": "no.nc"}}}, "no such file"),
-        ({"seabed": {"file": "a.gpx", "grid": {}}}, "are both given"),
+        ({"seabed": {"file": "a.gpx"}}, "It must be NetCDF"),
+        ({"seabed": {"file": "a.gpx", "grid": {}}}, "seabed.grid and seabed.file are"),
     ],
 )
 def test_places_that_cannot_be_are_refused(tmp_path, tables, complaint):
@@ -247,9 +258,9 @@ def test_tables_that_are_none_are_refused(make, complaint):
         make()
 
 
-def ocean(path, **changed):
-    """An ocean model's file: v = latitude + day, u = depth, on a grid of Copernicus."""
-    days = np.datetime64("2024-05-01") + np.arange(3) * np.timedelta64(1, "D")
+def ocean(path, first="2024-05-01", days=1, change=lambda data: data):
+    """An ocean model's file: v = latitude + step, u = depth, as Copernicus has it."""
+    stamps = np.datetime64(first) + np.arange(3) * np.timedelta64(days, "D")
     latitude, longitude = np.array([54.0, 55.0]), np.array([10.0, 11.0])
     depth = np.array([0.5, 10.0, 100.0])
     shape = (3, 3, 2, 2)
@@ -266,12 +277,12 @@ def ocean(path, **changed):
         "so": (axes, np.broadcast_to(10.0 + 0.1 * depth[:, None, None], shape)),
     }
     places = {
-        "time": days.astype("datetime64[ns]"),
+        "time": stamps.astype("datetime64[ns]"),
         "depth": depth,
         "latitude": latitude,
         "longitude": longitude,
     }
-    xarray.Dataset(data, places).drop_vars(list(changed)).to_netcdf(path)
+    change(xarray.Dataset(data, places)).to_netcdf(path)
 
 
 START = {"clock": {"start": np.datetime64("2024-05-01T12:00").astype(object)}}
@@ -293,6 +304,42 @@ def test_currents_of_an_ocean_model_are_those_at_the_start(tmp_path):
     ) == pytest.approx(0.6)
 
 
+def test_currents_of_months_are_kept_around_the_start(tmp_path):
+    ocean(tmp_path / "months.nc", first="2024-04-16", days=31)
+    data = mission(water={"current": {"file": "months.nc"}}, **START)
+    table = with_sea_inside(data, tmp_path)["water"]["current"]["table"]
+    assert np.array(table["time_s"]) / 86400.0 == pytest.approx([-15.5, 15.5, 46.5])
+    assert np.array(table["north_m_s"])[:, 0] == pytest.approx([0.0, 0.1, 0.2])
+
+
+def curved(data):
+    """The grid of a model whose axes are no latitudes and longitudes."""
+    two = np.meshgrid(data.latitude, data.longitude, indexing="ij")
+    bare = data.rename(latitude="y", longitude="x").drop_vars(["y", "x"])
+    return bare.assign_coords(
+        nav_lat=(("y", "x"), two[0]), nav_lon=(("y", "x"), two[1])
+    )
+
+
+@pytest.mark.parametrize("table", ["stratification", "current"])
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (curved, "nav_lat must be an axis of the grid; it goes over y, x"),
+        (lambda d: d.isel(depth=[2, 1, 0]), "depth must rise from the surface down"),
+        (lambda d: d.expand_dims(member=2), "goes over member too"),
+        (lambda d: d[["so"]], "none of the variables"),
+        (lambda d: d.assign_coords(time=[1, 2, 3]), "time must be in seconds, hours"),
+    ],
+)
+def test_files_of_another_form_are_refused(tmp_path, table, change, complaint):
+    ocean(tmp_path / "cmems.nc", change=change)
+    data = mission(water={table: {"file": "cmems.nc"}}, **START)
+    with pytest.raises(ConfigError, match=rf"cmems\.nc.*{complaint}"):
+        with_sea_inside(data, tmp_path)
+
+
+@pytest.mark.parametrize("table", ["stratification", "current"])
 @pytest.mark.parametrize(
     ("tables", "complaint"),
     [
@@ -308,16 +355,16 @@ def test_currents_of_an_ocean_model_are_those_at_the_start(tmp_path):
         ),
     ],
 )
-def test_currents_of_elsewhere_are_refused(tmp_path, tables, complaint):
+def test_water_of_elsewhere_is_refused(tmp_path, table, tables, complaint):
     ocean(tmp_path / "cmems.nc")
-    data = mission(water={"current": {"file": "cmems.nc"}}) | tables
+    data = mission(water={table: {"file": "cmems.nc"}}) | tables
     with pytest.raises(ConfigError, match=complaint):
         with_sea_inside(data, tmp_path)
 
 
 def test_density_profiles_of_files(tmp_path):
     (tmp_path / "ctd.csv").write_text(
-        "# a cast\ndepth_m,density_kg_m3\n20,1012\n0,1005\n20,1012\n"
+        "# a cast\ndepth_m, density_kg_m3\n20,1012\n0,1005\n20,1012\n"
     )
     data = mission(water={"stratification": {"file": "ctd.csv"}})
     table = with_sea_inside(data, tmp_path)["water"]["stratification"]["profile"]
@@ -331,13 +378,31 @@ def test_density_profiles_of_files(tmp_path):
     assert table["density_kg_m3"][-1] == pytest.approx(expected, abs=1e-6)
 
 
+def test_a_climatology_of_months_needs_no_date(tmp_path):
+    gsw = pytest.importorskip("gsw")
+
+    def one_month(data):
+        units = {"units": "months since 1955-01-01 00:00:00"}
+        named = data.isel(time=[0]).rename(so="s_an", thetao="t_an")
+        return named.assign_coords(time=("time", [5.5], units))
+
+    ocean(tmp_path / "woa.nc", change=one_month)
+    data = mission(water={"stratification": {"file": "woa.nc"}})
+    table = with_sea_inside(data, tmp_path)["water"]["stratification"]["profile"]
+    salt, pressure = gsw.SR_from_SP(20.0), gsw.p_from_z(-100.0, 0.0)
+    expected = gsw.rho(salt, gsw.CT_from_t(salt, 8.0, pressure), pressure)
+    assert table["density_kg_m3"][-1] == pytest.approx(expected, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
         ("depth_m,sigma\n0,5\n", "must name depth_m and density_kg_m3"),
         ("depth_m,density_kg_m3\n0,5\n10,7\n", "Anomalies"),
         ("depth_m,density_kg_m3\n0,1005\n", "two depths"),
-        ("depth_m,density_kg_m3\n0,\n", "column density_kg_m3"),
+        ("depth_m,density_kg_m3\n", "two depths"),
+        ("depth_m,density_kg_m3\n0,\n", "density_kg_m3 in line 2 must be a number"),
+        ("depth_m,density_kg_m3\n-9,1007\n0,1005\n", "depth must be positive down"),
     ],
 )
 def test_profiles_that_are_none_are_refused(tmp_path, text, complaint):
@@ -358,3 +423,21 @@ def test_the_bottom_of_a_grid(tmp_path):
     seabed = build_mission(data, tmp_path).loop.scenario.seabed
     there = seabed.altitude(GliderState.at_rest(north=11130.0, east=5000.0))
     assert float(there) == pytest.approx(21.0, abs=0.02)
+
+
+def test_a_bottom_across_the_date_line(tmp_path):
+    latitude, longitude = np.linspace(53.0, 56.0, 31), np.linspace(160.0, 220.0, 601)
+    deep = 1000.0 + 100.0 * (longitude - 180.0) + 0.0 * latitude[:, None]
+    xarray.Dataset(
+        {"deptho": (("latitude", "longitude"), deep)},
+        {"latitude": latitude, "longitude": longitude},
+    ).to_netcdf(tmp_path / "pacific.nc")
+    for start, place in ((179.95, -5.0), (-179.95, 5.0)):
+        data = mission(seabed={"file": "pacific.nc"}) | {
+            "initial_state": {"latitude_deg": 54.4, "longitude_deg": start}
+        }
+        grid = with_sea_inside(data, tmp_path)["seabed"]["grid"]
+        along = np.array(grid["depth_m"])[60]
+        assert along[60] == pytest.approx(1000.0 + place, abs=1e-6)
+        # 100 m for each degree of 64.98 km.
+        assert along[-1] - along[0] == pytest.approx(100.0 * 60e3 / 64.98e3, rel=1e-3)

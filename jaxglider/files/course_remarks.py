@@ -81,16 +81,16 @@ def course_remarks(data: dict[str, Any]) -> tuple[str, ...]:
     duration = float(data.get("clock", {}).get("duration_s", 800.0))
     remarks = _beside_the_leg(path, place)
     away = math.hypot(north[0] - place[0], east[0] - place[1])
-    if "latitude_deg" in start:
-        pass  # of degrees these metres were made
-    elif _like_degrees_and_minutes(north, east):
+    # On Earth these metres may have been made of degrees.
+    metres_alone = "latitude_deg" not in start
+    if metres_alone and _like_degrees_and_minutes(north, east):
         remarks.append(
             f"waypoints as ({north[0]:.10g}, {east[0]:.10g}) look like degrees and "
             "minutes (DDMM.mmm, as in a goto file), and are taken as metres: name the "
             "goto list itself, reference.waypoints.file, or give latitude_deg and "
             "longitude_deg in decimal degrees."
         )
-    elif _like_decimal_degrees(north, east):
+    elif metres_alone and _like_decimal_degrees(north, east):
         remarks.append(
             f"waypoints as ({north[0]:.10g}, {east[0]:.10g}) look like decimal "
             "degrees, and are taken as metres: as degrees they are latitude_deg and "

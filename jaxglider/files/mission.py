@@ -49,7 +49,7 @@ from jaxglider.files.mission_tables import (
     read_vehicle,
 )
 from jaxglider.files.sea.located import with_sea_inside
-from jaxglider.files.sea.netcdf import started
+from jaxglider.files.sea.moment import started
 from jaxglider.files.user_law import first_gains
 from jaxglider.guidance.routes import route_of
 from jaxglider.signals import CHANNELS, Channels

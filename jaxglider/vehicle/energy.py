@@ -12,6 +12,9 @@ it: electrical power is almost constant, so that the deeper push is the more eff
 A pump is also an actuator: it runs or it stands, out slower than in.
 """
 
+from collections.abc import Mapping
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 
@@ -197,3 +200,27 @@ class EnergyModel(Container):
             surface=jnp.where(surfaced, self.surface * dt, 0.0),
             communication=jnp.where(arrived, self.call, 0.0 * dt),
         )
+
+
+def energy_of(values: Mapping[str, float]) -> EnergyModel:
+    """The consumption from the numbers of a vehicle's file.
+
+    Args:
+        values: numbers by key: fields of `EnergyModel`, those of its pumps by
+            `pump_power`, `pump_power_slope` and `pump_rate`, and by `boost_` likewise.
+
+    Raises:
+        ValueError: names a number of a pump that is missing beside another of it.
+    """
+    names = EnergyModel.__dataclass_fields__
+    model: dict[str, Any] = {key: values[key] for key in values if key in names}
+    for name in ("pump", "boost"):
+        keys = [f"{name}_{part}" for part in ("power", "power_slope", "rate")]
+        found = [key for key in keys if key in values]
+        if not found:
+            continue
+        missing = [key for key in keys if key not in values]
+        if missing:
+            raise ValueError(f"energy.{missing[0]} must be given with {found[0]}.")
+        model[name] = PumpPower(*(values[key] for key in keys))
+    return EnergyModel(**model)

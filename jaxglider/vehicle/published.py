@@ -10,7 +10,7 @@ from typing import Any
 
 from jaxglider.core.toml import file_text, number, refuse_unknown
 from jaxglider.signals import Command
-from jaxglider.vehicle.energy import EnergyModel, PumpPower
+from jaxglider.vehicle.energy import energy_of
 from jaxglider.vehicle.parameters import (
     BodyParameters,
     Fin,
@@ -94,7 +94,7 @@ def vehicle_of(data: dict[str, Any], source: str | Path) -> VehicleData:
             doubts=_doubts(data, (*tables, *extra)),
             fin=Fin(**extra["fin"]) if steering == "fin" else None,
             pump=extra.get("pump", {}),
-            energy=_energy(extra["energy"]) if "energy" in extra else None,
+            energy=energy_of(extra["energy"]) if "energy" in extra else None,
             deviations=deviations,
             sensors=_table(data, "sensors"),
         )
@@ -161,9 +161,6 @@ def _steering(data: dict[str, Any], source: str | Path) -> str:
     return str(word)
 
 
-_POWER = ("pump_power", "pump_power_slope", "pump_rate")
-_BOOST = ("boost_power", "boost_power_slope", "boost_rate")
-_REST = ("boost_above", "per_shift", "per_turn", "hotel", "surface", "call", "battery")
 _NEEDED: dict[str, tuple[str, ...]] = {
     "fin": ("side_force", "yaw_moment", "speed"),
     "pump": ("push_rate", "draw_rate"),
@@ -186,23 +183,6 @@ _OWN_UNITS = {
     },
 }
 """Units of the keys of these tables."""
-
-
-def _energy(values: dict[str, float]) -> EnergyModel:
-    """The consumption; a pump whose power is given needs its slope and its flow too.
-
-    Raises:
-        ValueError: names the key that is missing.
-    """
-    found_in: dict[str, Any] = {key: values[key] for key in _REST if key in values}
-    for name, keys in (("pump", _POWER), ("boost", _BOOST)):
-        found = [key for key in keys if key in values]
-        if found:
-            missing = [key for key in keys if key not in values]
-            if missing:
-                raise ValueError(f"energy.{missing[0]} must be given with {found[0]}.")
-            found_in[name] = PumpPower(*(values[key] for key in keys))
-    return EnergyModel(**found_in)
 
 
 def _deviations(

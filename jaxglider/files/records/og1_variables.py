@@ -20,7 +20,7 @@ from jaxglider.simulation.scenario import Scenario
 EPOCH = datetime.datetime(2024, 1, 1, tzinfo=datetime.UTC)
 """Date that stands for the start of a mission without one."""
 DENSITY = 1025.0
-"""Density of the water [kg/m³] at the depth where the glider is neutral."""
+"""Density of the water [kg/m³] at neutral depth, where no profile of it is given."""
 AFLOAT = 0.5
 """Depth [m] above which a glider without a receiver of its own has a position."""
 EVERY = 1.0
@@ -128,7 +128,7 @@ def og1_columns(
     clock = (start or EPOCH).timestamp() + time[rows]
     fix, when = _fixes(ticks, rows, clock)
     depth = np.maximum(at(shown.depth), 0.0)
-    density = _density(scenario, at(ticks.state.depth))
+    neutral = _neutral_density(scenario)
     gravity = float(scenario.plant.parameters.gravity)
     applied = ticks.applied
     degree = 180.0 / np.pi
@@ -141,24 +141,32 @@ def og1_columns(
         "TIME_GPS": when,
         "LATITUDE_GPS": np.where(np.isfinite(when), fixed[0], np.nan),
         "LONGITUDE_GPS": np.where(np.isfinite(when), fixed[1], np.nan),
-        "PRES": depth * DENSITY * gravity / 1e4,
-        "DENSITY": density,
+        "PRES": depth * neutral * gravity / 1e4,
+        "DENSITY": neutral * (1.0 + _denser(scenario, at(ticks.state.depth))),
         "PITCH": degree * at(shown.pitch),
         "ROLL": degree * at(shown.roll),
         "HEADING": np.mod(degree * at(shown.heading), 360.0),
-        "VBD_CC": -at(applied.buoyancy_mass) / DENSITY * 1e6,
+        "VBD_CC": -at(applied.buoyancy_mass) / neutral * 1e6,
         "PITCH_CTL": 1e2 * at(applied.mass_position),
         "ROLL_CTL": degree * at(applied.mass_angle),
     }
 
 
-def _density(scenario: Scenario, depth: np.ndarray) -> np.ndarray:
-    """Density of the water [kg/m³] at true depths [m]."""
+def _neutral_density(scenario: Scenario) -> float:
+    """Density of the water [kg/m³] at neutral depth."""
+    layers = scenario.water and scenario.water.stratification
+    if not layers or layers.profile is None:
+        return DENSITY
+    profile = layers.profile
+    return float(jnp.interp(layers.neutral_depth, profile.depth, profile.density))
+
+
+def _denser(scenario: Scenario, depth: np.ndarray) -> np.ndarray:
+    """Density at true depths [m] relative to that at neutral depth, less one."""
     layers = scenario.water and scenario.water.stratification
     if not layers:
-        return np.full(len(depth), DENSITY)
-    denser = jax.vmap(layers.denser)(jnp.asarray(depth))
-    return DENSITY * (1.0 + np.asarray(denser, float))
+        return np.zeros(len(depth))
+    return np.asarray(jax.vmap(layers.denser)(jnp.asarray(depth)), float)
 
 
 def _fixes(

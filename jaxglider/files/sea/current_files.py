@@ -4,19 +4,20 @@
 sea may move otherwise.
 """
 
-import dataclasses
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jaxglider.core.toml import ConfigError
+from jaxglider.files.sea.moment import Moment
 from jaxglider.files.sea.netcdf import (
-    Moment,
-    at_start,
+    at_place,
+    depths,
     found,
-    name_of,
     opened,
+    over,
+    seconds,
     variable,
 )
 
@@ -35,19 +36,17 @@ def read_currents(path: Path, moment: Moment) -> dict[str, Any]:
         ConfigError: it cannot be read, does not reach the start, or lacks a variable.
     """
     with opened(path) as data:
-        one = at_start(path, data, dataclasses.replace(moment, start=None))
+        one = at_place(path, data, moment)
         north = variable(path, one, ("vo", "v", "northward_sea_water_velocity"))
         east = variable(path, one, ("uo", "u", "eastward_sea_water_velocity"))
-        times = _times(path, one, moment)
-        depth = np.atleast_1d(
-            np.asarray(one[name_of(path, one, "depth")], float)
-            if found(one, "depth")
-            else 0.0
-        )
-        shape = (len(times), len(depth))
-        tables = [np.asarray(v, float).reshape(shape) for v in (north, east)]
-    near = (times > -86400.0) & (times < DAYS * 86400.0)
-    times, tables = times[near], [table[near] for table in tables]
+        times = seconds(path, one, moment)
+        depth = depths(path, one) if found(one, "depth") else np.zeros(1)
+        axes = [found(one, key) for key in ("time", "depth")]
+        tables = [over(path, values, axes) for values in (north, east)]
+    # The times around the start and around the last day, for what is in between.
+    first = max(int(np.searchsorted(times, 0.0, side="right")) - 1, 0)
+    last = int(np.searchsorted(times, DAYS * 86400.0)) + 1
+    times, tables = times[first:last], [table[first:last] for table in tables]
     wet = np.isfinite(tables[0]).any(axis=0)
     if not wet.any():
         raise ConfigError(
@@ -67,25 +66,3 @@ def read_currents(path: Path, moment: Moment) -> dict[str, Any]:
         "north_m_s": tables[0].tolist(),
         "east_m_s": tables[1].tolist(),
     }
-
-
-def _times(path: Path, one: Any, moment: Moment) -> np.ndarray:
-    """Times of the file from the start of the mission on [s]."""
-    if not found(one, "time"):
-        return np.array([0.0])
-    stamps = np.atleast_1d(np.asarray(one[name_of(path, one, "time")]))
-    if len(stamps) == 1:
-        return np.array([0.0])
-    if moment.start is None:
-        raise ConfigError(
-            f"{path} has {len(stamps)} times: give the date of the start, such as "
-            "clock.start = 2024-05-01T06:00:00Z."
-        )
-    zero = np.datetime64(moment.start.replace(tzinfo=None), "ns")
-    seconds = (stamps - zero) / np.timedelta64(1, "s")
-    if not seconds[0] <= 0.0 <= seconds[-1]:
-        raise ConfigError(
-            f"{path} goes from {stamps[0]} to {stamps[-1]}: clock.start must lie in "
-            f"between; received {moment.start.isoformat()}."
-        )
-    return np.asarray(seconds, float)

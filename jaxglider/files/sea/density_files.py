@@ -5,14 +5,23 @@ or NetCDF with temperature and salinity over depth, as ocean models and climatol
 have them, at the place of the start. Density is that of TEOS-10, by the package gsw.
 """
 
-import csv
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jaxglider.core.toml import ConfigError, file_text
-from jaxglider.files.sea.netcdf import Moment, at_start, name_of, opened, variable
+from jaxglider.core.toml import ConfigError
+from jaxglider.files.sea.moment import Moment
+from jaxglider.files.sea.netcdf import (
+    at_place,
+    at_time,
+    depths,
+    found,
+    opened,
+    over,
+    variable,
+)
+from jaxglider.files.sea.texts import csv_table, text_of
 
 
 def read_profile(path: Path, moment: Moment) -> dict[str, Any]:
@@ -34,6 +43,11 @@ def read_profile(path: Path, moment: Moment) -> dict[str, Any]:
     depth, density = depth[good][order], density[good][order]
     if len(depth) < 2:
         raise ConfigError(f"{path}: a profile needs two depths at least.")
+    if depth[-1] <= 0.0:
+        raise ConfigError(
+            f"{path}: depth must be positive down; received {depth[0]:g} to "
+            f"{depth[-1]:g} m."
+        )
     if not (np.all(density > 950.0) and np.all(density < 1100.0)):
         raise ConfigError(
             f"{path}: density must be in kg/m^3, from 950 to 1100; received "
@@ -47,15 +61,10 @@ def read_profile(path: Path, moment: Moment) -> dict[str, Any]:
 
 
 def _csv_profile(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    text = file_text_of(path)
-    rows = list(csv.DictReader(line for line in text.splitlines() if line[:1] != "#"))
-    head = list(rows[0]) if rows else []
+    head, rows = csv_table(path, text_of(path))
 
     def column(name: str) -> np.ndarray:
-        try:
-            return np.array([float(row[name]) for row in rows])
-        except (TypeError, ValueError) as error:
-            raise ConfigError(f"{path}: column {name}: {error}.") from error
+        return np.array([_number(path, name, n, row[name]) for n, row in rows])
 
     if "depth_m" in head and "density_kg_m3" in head:
         return column("depth_m"), column("density_kg_m3")
@@ -70,16 +79,14 @@ def _csv_profile(path: Path) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def file_text_of(path: Path) -> str:
-    """The text of a file.
-
-    Raises:
-        ConfigError: it cannot be read.
-    """
+def _number(path: Path, name: str, line: int, text: str) -> float:
     try:
-        return file_text(path)
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be read: {error.strerror}.") from error
+        return float(text)
+    except ValueError as error:
+        raise ConfigError(
+            f"{path}: {name} in line {line} must be a number, nan where there is "
+            f"none; received {text!r}."
+        ) from error
 
 
 def _density(
@@ -110,15 +117,15 @@ def _density(
 
 def _model_profile(path: Path, moment: Moment) -> tuple[np.ndarray, np.ndarray]:
     with opened(path) as data:
-        one = at_start(path, data, moment)
+        one = at_time(path, at_place(path, data, moment), moment)
         salt = variable(path, one, ("so", "salinity", "s_an", "PSAL", "SALT"))
         warm = variable(
             path, one, ("thetao", "temperature", "t_an", "TEMP", "to", "THETA")
         )
-        depth = np.asarray(one[name_of(path, one, "depth")], float)
+        depth = depths(path, one)
+        axis = [found(one, "depth")]
         potential = warm.name in ("thetao", "THETA") or "potential" in str(
             warm.attrs.get("standard_name", "")
         )
-        return depth, _density(
-            path, depth, np.ravel(warm), np.ravel(salt), potential=potential
-        )
+        values = [over(path, each, axis) for each in (warm, salt)]
+        return depth, _density(path, depth, *values, potential=potential)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxglider.core.toml import ConfigError, TomlTable
 from jaxglider.files.sea.current_files import read_currents
 from jaxglider.files.sea.density_files import read_profile
-from jaxglider.files.sea.netcdf import Moment, started
+from jaxglider.files.sea.moment import Moment, started
 from jaxglider.files.sea.places import Plane, checked, within
 from jaxglider.files.sea.seabed_files import read_seabed_grid
 from jaxglider.files.sea.waypoint_files import read_waypoints
@@ -38,24 +38,26 @@ def with_sea_inside(data: Tables, folder: Path) -> Tables:
     _replace(data, ("reference", "waypoints"), lambda t: _course(t, plane, folder))
     moment = Moment(plane, started(data), _reach(data))
 
-    def inside(
-        key: str, read: Callable[[Path, Moment], Tables]
-    ) -> Callable[[Tables], Tables]:
-        def put(table: Tables) -> Tables:
+    def put(
+        keys: tuple[str, ...], key: str, read: Callable[[Path, Moment], Tables]
+    ) -> None:
+        where = ".".join(keys)
+
+        def inside(table: Tables) -> Tables:
             if "file" not in table:
                 return table
             if key in table:
                 raise ConfigError(
-                    f"a table {key} and a file are both given; give one of them."
+                    f"{where}.{key} and {where}.file are both given; give one."
                 )
             rest = {name: value for name, value in table.items() if name != "file"}
-            return rest | {key: read(_path(table["file"], folder), moment)}
+            return rest | {key: read(_path(table["file"], where, folder), moment)}
 
-        return put
+        _replace(data, keys, inside)
 
-    _replace(data, ("water", "stratification"), inside("profile", read_profile))
-    _replace(data, ("water", "current"), inside("table", read_currents))
-    _replace(data, ("seabed",), inside("grid", read_seabed_grid))
+    put(("water", "stratification"), "profile", read_profile)
+    put(("water", "current"), "table", read_currents)
+    put(("seabed",), "grid", read_seabed_grid)
     return data
 
 
@@ -112,9 +114,9 @@ def _reach(data: Tables) -> float:
         return Moment.reach  # what reads the course complains of it
 
 
-def _path(value: Any, folder: Path) -> Path:
+def _path(value: Any, where: str, folder: Path) -> Path:
     if not isinstance(value, str):
-        raise ConfigError(f"file must be a path as text; received {value!r}.")
+        raise ConfigError(f"{where}.file must be a path as text; received {value!r}.")
     return folder / value
 
 
@@ -135,7 +137,7 @@ def _course(table: Tables, plane: Plane | None, folder: Path) -> Tables:
     if "file" in given:
         if len(given) > 1:
             raise ConfigError(f"{where}.file and {given[1]} are both given; give one.")
-        path = _path(table["file"], folder)
+        path = _path(table["file"], where, folder)
         places, where = read_waypoints(path), str(path)
     else:
         own = TomlTable(table, where)

@@ -5,15 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from jaxglider.core.toml import ConfigError
-from jaxglider.files.sea.netcdf import (
-    NOWHERE,
-    Moment,
-    name_of,
-    opened,
-    reaches,
-    variable,
-)
+from jaxglider.files.sea.moment import Moment
+from jaxglider.files.sea.netcdf import grid_names, opened, over, reached, variable
 
 PLACES = 121
 """Number of places along a side of the piece that a mission takes along."""
@@ -29,25 +22,27 @@ def read_seabed_grid(path: Path, moment: Moment) -> dict[str, Any]:
     Raises:
         ConfigError: it cannot be read, or does not reach the start.
     """
-    if moment.plane is None:
-        raise ConfigError(NOWHERE.format(path))
     with opened(path) as data:
+        import xarray
+
         rise = variable(path, data, ("elevation", "z", "deptho", "depth", "Band1"))
-        names = [name_of(path, data, key) for key in ("latitude", "longitude")]
-        rise = rise.squeeze().transpose(*names).sortby(names)
-        reaches(path, rise, moment.plane, names)
-        latitudes, longitudes = (np.asarray(rise[name], float) for name in names)
+        names = grid_names(path, data)
+        start = reached(path, data, moment, names)
         side = np.linspace(-moment.reach, moment.reach, PLACES)
         north, east = np.meshgrid(side, side, indexing="ij")
-        there = moment.plane.degrees(north.ravel(), east.ravel())
-        inside = [
-            np.clip(values, places[0], places[-1])
-            for values, places in zip(there, (latitudes, longitudes), strict=True)
-        ]
-        from scipy.interpolate import RegularGridInterpolator
-
-        look = RegularGridInterpolator((latitudes, longitudes), np.asarray(rise, float))
-        depth = look(np.stack(inside, axis=1)).reshape(north.shape)
+        latitude, longitude = start.degrees(north.ravel(), east.ravel())
+        # Nearest to the start's, beyond the date line too.
+        longitude = start.longitude + (longitude - start.longitude + 180) % 360 - 180
+        there = {
+            name: xarray.DataArray(
+                np.clip(places, float(data[name].min()), float(data[name].max())),
+                dims="place",
+            )
+            for name, places in zip(names, (latitude, longitude), strict=True)
+        }
+        # xarray reads what is around these places: GEBCO as a whole is 7 GB.
+        one = rise.sortby(names).interp(there)
+        depth = over(path, one, [names[0]]).reshape(north.shape)
     downwards = rise.name in ("deptho", "depth")
     depth = np.nan_to_num(depth if downwards else -depth)
     return {

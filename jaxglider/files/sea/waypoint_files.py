@@ -9,7 +9,6 @@
 | .ma | a Slocum's goto list: longitude and latitude as degrees and minutes, DDMM.mmm |
 """
 
-import csv
 import json
 import math
 from collections.abc import Callable, Iterable
@@ -17,8 +16,9 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from jaxglider.core.toml import ConfigError, file_text
+from jaxglider.core.toml import ConfigError
 from jaxglider.files.sea.places import checked
+from jaxglider.files.sea.texts import csv_table, text_of
 
 Place = tuple[float, float]
 """Latitude and longitude [deg]."""
@@ -33,21 +33,19 @@ def read_waypoints(path: Path) -> list[Place]:
     Raises:
         ConfigError: it is of no known kind, holds no one course, or no places on Earth.
     """
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
+    kind = path.suffix.lower()
+    if kind not in _READERS:
         raise ConfigError(
             f"a course file must end in {', '.join(_READERS)}; received {path.name!r}."
         )
+    reader, needs = _READERS[kind]
+    text = text_of(path)
     try:
-        text = file_text(path)
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be read: {error.strerror}.") from error
-    try:
-        places = list(reader(text))
+        places = list(reader(path, text))
     except _Unreadable as error:
         raise ConfigError(f"{path}: {error}.") from error
     if not places:
-        raise ConfigError(f"{path}: no waypoint in it.")
+        raise ConfigError(f"{path}: no waypoint in it; it needs {needs}.")
     return [
         checked(latitude, longitude, f"{path}: waypoint {n}")
         for n, (latitude, longitude) in enumerate(places, 1)
@@ -88,7 +86,7 @@ def _only(lines: list[Any], what: str) -> Any:
     return lines[0]
 
 
-def _gpx(text: str) -> Iterable[Place]:
+def _gpx(_path: Path, text: str) -> Iterable[Place]:
     root = _tree(text)
     routes = [r for r in _named(root, "rte") if _named(r, "rtept")]
     tracks = [t for t in _named(root, "trk") if _named(t, "trkpt")]
@@ -101,7 +99,7 @@ def _gpx(text: str) -> Iterable[Place]:
     ]
 
 
-def _kml(text: str) -> Iterable[Place]:
+def _kml(_path: Path, text: str) -> Iterable[Place]:
     root = _tree(text)
     if lines := _named(root, "LineString"):
         groups = [_only(lines, "line")]
@@ -122,7 +120,10 @@ def _lon_lat(pair: Any) -> Place:
     return _number(pair[1], "latitude"), _number(pair[0], "longitude")
 
 
-def _geojson(text: str) -> Iterable[Place]:
+_OF_GEOJSON = "a LineString, a MultiPoint or Points"
+
+
+def _geojson(_path: Path, text: str) -> Iterable[Place]:
     try:
         data = json.loads(text)
     except ValueError as error:
@@ -132,8 +133,10 @@ def _geojson(text: str) -> Iterable[Place]:
     def look(item: Any) -> None:
         if not isinstance(item, dict):
             return
-        for part in (*item.get("features", ()), *item.get("geometries", ())):
-            look(part)
+        for key in ("features", "geometries"):
+            parts = item.get(key)
+            for part in parts if isinstance(parts, list) else ():
+                look(part)
         look(item.get("geometry"))
         if item.get("type") in found:
             found[item["type"]].append(item.get("coordinates"))
@@ -149,23 +152,26 @@ def _geojson(text: str) -> Iterable[Place]:
 _HEADS = (("latitude", "longitude"), ("lat", "lon"), ("latitude_deg", "longitude_deg"))
 
 
-def _csv(text: str) -> Iterable[Place]:
-    lines = [line for line in text.splitlines() if line.strip() and line[0] != "#"]
-    rows = list(csv.DictReader(lines, skipinitialspace=True))
-    names = {name.strip().lower(): name for name in (rows[0] if rows else {}) if name}
-    head = next((h for h in _HEADS if h[0] in names and h[1] in names), None)
-    if head is None:
+def _csv(path: Path, text: str) -> Iterable[Place]:
+    head, rows = csv_table(path, text)
+    names = {name.lower(): name for name in head}
+    keys = next((h for h in _HEADS if h[0] in names and h[1] in names), None)
+    if keys is None:
         raise _Unreadable(
             "its first line must name columns latitude and longitude; received "
-            f"{', '.join(names) or 'nothing'}"
+            f"{', '.join(head)}"
         )
+    latitude, longitude = keys
     return [
-        tuple(_number(row[names[key]], f"{key} in line {n}") for key in head)  # type: ignore[misc]
-        for n, row in enumerate(rows, 2)
+        (
+            _number(row[names[latitude]], f"{latitude} in line {n}"),
+            _number(row[names[longitude]], f"{longitude} in line {n}"),
+        )
+        for n, row in rows
     ]
 
 
-def _goto(text: str) -> Iterable[Place]:
+def _goto(_path: Path, text: str) -> Iterable[Place]:
     _, begun, rest = text.partition("<start:waypoints>")
     inside, ended, _ = rest.partition("<end:waypoints>")
     if not begun or not ended:
@@ -193,11 +199,12 @@ def _minutes(cell: str) -> float:
     return math.copysign(degrees + minutes / 60.0, value)
 
 
-_READERS: dict[str, Callable[[str], Iterable[Place]]] = {
-    ".gpx": _gpx,
-    ".kml": _kml,
-    ".geojson": _geojson,
-    ".json": _geojson,
-    ".csv": _csv,
-    ".ma": _goto,
+_READERS: dict[str, tuple[Callable[[Path, str], Iterable[Place]], str]] = {
+    ".gpx": (_gpx, "a route, waypoints or a track"),
+    ".kml": (_kml, "a line or placemarks that are points"),
+    ".geojson": (_geojson, _OF_GEOJSON),
+    ".json": (_geojson, _OF_GEOJSON),
+    ".csv": (_csv, "a row for each"),
+    ".ma": (_goto, "a longitude and a latitude in a line"),
 }
+"""Reader by the ending of a file, and what it looks for."""

@@ -38,6 +38,16 @@ class Number(Protocol):
         """The number from its coordinate."""
 
 
+class Model(Protocol):
+    """Predicted rows and their Jacobian at some coordinates."""
+
+    def __call__(self, x: np.ndarray) -> tuple[Rows, Rows]:
+        """Rows and Jacobian at x."""
+
+    def changed(self, change: Callable[[Any], Any]) -> "Model":
+        """The same of a flight with other inputs."""
+
+
 @dataclasses.dataclass(frozen=True)
 class SearchedStage:
     """A stage that has been fitted, with what it takes to fit it again.
@@ -50,7 +60,7 @@ class SearchedStage:
     """
 
     numbers: tuple[Number, ...]
-    model: Callable[[np.ndarray], tuple[Rows, Rows]]
+    model: Model
     measured: Rows
     solution: Solution
 
@@ -60,7 +70,7 @@ def profiles(
 ) -> dict[str, tuple[float, float]]:
     """Ends of the profile's 95 % interval by number, of the numbers told worst.
 
-    An end that is not found within `FARTHEST` is infinite.
+    An end that is not found within `FARTHEST` is NaN.
 
     Args:
         stages: stages of the fit.
@@ -74,21 +84,23 @@ def profiles(
     found = {}
     for _, n, k in sorted(spreads, reverse=True)[:count]:
         stage, number = stages[n], stages[n].numbers[k]
-        ends = [_end(stage, k, side) for side in (-1.0, 1.0)]
-        values = [
-            float(number.value(x)) if np.isfinite(x) else float("nan") for x in ends
-        ]
-        low, high = sorted(values) if np.all(np.isfinite(values)) else values
-        found[number.name] = (low, high)
+        # A number that keeps its negative sign falls as its coordinate rises.
+        rises = 1.0 if number.value(1.0) > number.value(-1.0) else -1.0
+        least = _loss(stage, stage.solution.x)
+        low, high = (_end(stage, k, side, least) for side in (-rises, rises))
+        found[number.name] = (float(number.value(low)), float(number.value(high)))
     return found
 
 
-def _end(stage: SearchedStage, number: int, side: float) -> float:
+def _loss(stage: SearchedStage, x: np.ndarray) -> float:
+    return loss_of(stage.model, stage.measured, stage.solution.noise, x)
+
+
+def _end(stage: SearchedStage, number: int, side: float, least: float) -> float:
     """The coordinate on one side at which the loss has risen by `RISE`."""
     best, covariance = stage.solution.x, stage.solution.covariance
     spread = float(np.sqrt(covariance[number, number]))
     direction = covariance[:, number] / covariance[number, number]
-    least = loss_of(stage.model, stage.measured, stage.solution.noise, best)
     reach = np.sqrt(RISE) * spread
     for _ in range(_TRIES):
         moved = best + side * reach * direction
@@ -97,7 +109,7 @@ def _end(stage: SearchedStage, number: int, side: float) -> float:
             break
         # The square root of the rise is a straight line for a straight model.
         reach *= float(np.clip(np.sqrt(RISE / max(rise, 1e-3)), 0.3, 3.0))
-    return float(best[number] + side * reach) if reach <= FARTHEST else np.inf
+    return float(best[number] + side * reach) if reach <= FARTHEST else np.nan
 
 
 def _rise(stage: SearchedStage, number: int, start: np.ndarray, least: float) -> float:
@@ -109,7 +121,7 @@ def _rise(stage: SearchedStage, number: int, start: np.ndarray, least: float) ->
         return predicted, {n: np.delete(s, number, axis=1) for n, s in slopes.items()}
 
     if len(start) == 1:
-        return loss_of(stage.model, stage.measured, stage.solution.noise, start) - least
+        return _loss(stage, start) - least
     result = search(
         remembered(others),
         stage.measured,

@@ -95,7 +95,7 @@ def advice(stages: Sequence[SearchedStage]) -> tuple[Advice, ...]:
 
 def _shares(stage: SearchedStage, change: Change) -> dict[str, float]:
     solution = stage.solution
-    flown = stage.model.changed(change)  # type: ignore[attr-defined]
+    flown = stage.model.changed(change)
     more = information(flown, stage.measured, solution.noise, solution.x)
     size = len(solution.x)
     after = np.linalg.inv(solution.information + more + np.eye(size))
