@@ -231,6 +231,7 @@ def grown(p, g):
     x, y, k = g["x"], g["y"], g["k"]
     square = jnp.sin(x + p["p"] * jnp.arange(100.0)).reshape(10, 10)
     row = jnp.stack([x, y, x * y])
+    wide = jnp.cos(y + p["p"] * jnp.arange(900.0)).reshape(30, 30)
 
     def turned(at):
         step = lambda v, n: (jnp.sin(v) * y + 0.1 * n, v[0])
@@ -248,6 +249,8 @@ def grown(p, g):
     return [
         square @ square.T,
         square @ square[0],
+        wide @ wide[0],
+        wide[1] @ wide,
         jnp.diagonal(square),
         jnp.diag(row),
         row.at[1].set(y).at[0].add(x),

@@ -346,10 +346,6 @@ def test_the_fixed_time_law_is_its_formula_on_a_double_integrator():
 def test_laws_with_looks_or_a_riccati_equation_are_the_same_in_c(name, tmp_path):
     """A law that waits, decides and remembers; and two that are designed first."""
     loop = paper.make_loop("switching", "rigid-body", name)
-    if name == "mpc":
-        # Short, for C writes out every round.
-        short = dataclasses.replace(loop.controller, horizon=2, rounds=3)
-        loop = dataclasses.replace(loop, controller=short)
     pilot = autopilot(loop)
     seen = fly(pilot, loop, sea(loop, 800, hold=20))[0]
     onboard = compiled_c.Onboard(tmp_path, autopilot_source(pilot, "test"))

@@ -155,7 +155,7 @@ def dot(block: Block, x: Sequence[Array], dimensions: Any, kind: str) -> Array:
 
 def _product(block: Block, a: Array, b: Array) -> Array:
     """Σ a_ni b_nj by a function of the header, the first axis being n."""
-    size, rows, columns = len(a), a[0].size, b[0].size
+    size, rows, columns = len(a), a.size // len(a), b.size // len(b)
     tables = [block.table("real", list(x.ravel())) for x in (a, b)]
     name = f"v{len(block.statements)}"
     places = [f"{name}[{k}]" for k in range(rows * columns)]
