@@ -189,6 +189,23 @@ def test_make_fails_where_code_and_vectors_differ(folder, what, tmp_path):
 
 
 @needs_make
+def test_parity_says_what_it_leaves_out(folder, tmp_path):
+    where = tmp_path / "short"
+    shutil.copytree(folder[1], where)
+    columns_h = where / "test/columns.h"
+    text = columns_h.read_text()
+    for name, rows in (("VECTORS", 300), ("CLOSED_LOOP", 790)):
+        text = re.sub(rf"({name}_DOUBLE_ROWS) \d+", rf"\1 {rows}", text)
+    columns_h.write_text(text)
+    done = _make(where, "parity_double")
+    assert done.returncode == 0
+    ran = subprocess.run(["./parity_double"], cwd=where, capture_output=True, text=True)
+    assert ran.returncode == 0
+    left_out = re.findall(r"test/(\w+)\.csv: (\d+) more ticks are left out", ran.stdout)
+    assert left_out == [("vectors", "700"), ("closed_loop", "200")]
+
+
+@needs_make
 def test_parity_fails_where_the_controller_never_steers(folder, tmp_path):
     """Vectors that it meets to the last digit, but every measurement is lost."""
     where = tmp_path / "idle"
