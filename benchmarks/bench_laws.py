@@ -126,7 +126,7 @@ def _tuned(law: str, options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _on_board(law: str, options: argparse.Namespace) -> dict[str, Any]:
-    """Estimated time of a tick of the exported code, and its state, the law's part."""
+    """Estimated time of a tick in single precision, and the law's state in double."""
     with jax.enable_x64(True):
         pilot = autopilot(_case(options).loop(law))
         memory = jax.eval_shape(pilot.controller.init)

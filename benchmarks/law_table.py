@@ -30,7 +30,8 @@ def table(results: list[dict[str, Any]]) -> str:
         "",
         f"{best['title']}, each law {best['budget']}, judged on "
         f"{len(best['tuned']['good'])} others, the same for all; start → tuned. "
-        "tick: estimated for a Cortex-M4F at 100 MHz in single precision.",
+        "tick: estimated for a Cortex-M4F at 100 MHz in single precision; state: what "
+        "the law keeps from tick to tick, in double precision.",
         "",
         "| " + " | ".join(heads) + " |",
         "|" + "|".join(rule) + "|",

@@ -16,7 +16,7 @@ from jaxglider.export.autopilot import (
     source_text,
 )
 from jaxglider.export.c.outlined import Functions
-from jaxglider.export.c.source import Argument, Structure, write_function
+from jaxglider.export.c.source import Argument, Structure, Written, write_function
 from jaxglider.signals import BodyAxes, Command, GliderState, zeros
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.motion import move
@@ -81,8 +81,26 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
         ),
     }
 
+    shared = Functions()
+    functions = _plant_functions(loop, structures, shared)
+    return Source(
+        header=header_text("plant", about, structures, functions),
+        source=source_text(
+            "plant", about, structures["parameters"].example, functions, shared
+        ),
+        functions=functions,
+        shared=shared,
+        structures=structures,
+    )
+
+
+def _plant_functions(
+    loop: ClosedLoop, structures: dict[str, Structure], shared: Functions
+) -> dict[str, Written]:
+    state = structures["state"]
+
     def init(p: Any) -> PlantState:
-        return example
+        return state.example
 
     def step(
         p: ExportedPlant, now: PlantState, wanted: Command[Scalar], f: Any
@@ -92,10 +110,8 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
     def seen(p: ExportedPlant, now: PlantState) -> PlantState:
         return dataclasses.replace(now, state=through_the_water(p, now))
 
-    shared = Functions()
     parameters = (CONSTANTS["plant"], structures["parameters"].example)
-    state = structures["state"]
-    functions = {
+    return {
         "plant_init": write_function(
             "plant_init",
             "The glider at the start.",
@@ -128,15 +144,6 @@ def plant_source(loop: ClosedLoop, about: str) -> Source:
             shared,
         ),
     }
-    return Source(
-        header=header_text("plant", about, structures, functions),
-        source=source_text(
-            "plant", about, structures["parameters"].example, functions, shared
-        ),
-        functions=functions,
-        shared=shared,
-        structures=structures,
-    )
 
 
 def truth_of(loop: ClosedLoop) -> ExportedPlant:

@@ -81,11 +81,8 @@ class Altimeter(Instrument):
             height: true height over the bottom [m].
             sample: row of the samples.
         """
-        echo, good = (
-            self.reading(height, sample),
-            sample.taken & self.sees(truth, height),
-        )
-        return self.heard(before, echo, good, sample.taken)
+        good = sample.taken & self.sees(truth, height)
+        return self.heard(before, self.reading(height, sample), good, sample.taken)
 
     def sees(self, truth: GliderState, height: Scalar) -> Flag:
         """Whether the bottom would give an echo.
