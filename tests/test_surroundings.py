@@ -54,7 +54,8 @@ def without_encoding(text):
         is_text = not any(re.fullmatch(r"'[a-z+]*b[a-z+]*'", mode) for mode in modes)
         by_method = isinstance(node, ast.Attribute) and name in TEXTS
         opens = isinstance(node, ast.Attribute | ast.Name) and name == "open"
-        opens = opens and call is not None and ast.unparse(node) != "os.open"
+        opens = opens and call is not None
+        opens = opens and ast.unparse(node) not in ("os.open", "Image.open")
         runs = (
             call is not None
             and node is call.func
