@@ -194,7 +194,8 @@ class _TicksOf(MaxNLocator):
         self._unit = unit
 
     def tick_values(self, vmin: float, vmax: float) -> Any:
-        return self._unit * super().tick_values(vmin / self._unit, vmax / self._unit)
+        ticks = super().tick_values(vmin / self._unit, vmax / self._unit)
+        return self._unit * np.asarray(ticks)
 
 
 def legend_above(
