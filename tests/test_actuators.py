@@ -56,6 +56,22 @@ def test_a_lag_follows_the_saturated_command():
     assert np.all(np.asarray(got) <= 0.4)
 
 
+def test_in_its_dead_band_an_actuator_stands():
+    """Small commands leave it where it is; on a move it stops at the band's edge."""
+    servo = Actuator(1.0, rate_limit=0.3, dead_band=0.02)
+    places, expected, now = [0.01, 0.05, 0.06, 0.5, 0.49, -2.0], [], 0.0
+    commands = np.repeat(places, 40)
+    for wanted in commands:
+        left = min(max(wanted, -1.0), 1.0) - now
+        if abs(left) > 0.02:
+            now += min(max(left, -0.3 * DT), 0.3 * DT)
+        expected.append(now)
+    got = np.asarray(_positions(servo, commands))
+    np.testing.assert_allclose(got, expected, atol=1e-12)
+    assert np.all(got[:40] == 0.0)
+    assert np.ptp(got[160:200]) == 0.0
+
+
 def test_lag_and_rate_limit_together_ramp_until_the_lag_is_slower():
     rate, tau = 0.3, 0.7
     got = np.asarray(_positions(Actuator(1.0, rate, tau), np.full(100, 0.8)))
@@ -114,3 +130,9 @@ def test_the_slope_through_an_actuator_is_that_of_its_active_part():
 def test_numbers_that_are_not_positive_are_refused(name, bad):
     with pytest.raises(ValueError, match=rf"Actuator\.{name} must be (positive|fin)"):
         Actuator(**{"limit": 1.0, name: bad})
+
+
+@pytest.mark.parametrize("bad", [-0.01, float("nan")])
+def test_a_dead_band_below_zero_is_refused(bad):
+    with pytest.raises(ValueError, match=r"Actuator\.dead_band must be"):
+        Actuator(1.0, dead_band=bad)

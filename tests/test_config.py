@@ -196,6 +196,8 @@ def test_every_commented_out_setting_of_the_template_can_be_enabled():
     assert (float(buoyancy.rate_limit), float(buoyancy.time_constant)) == (0.02, 5.0)
     angle = loop.scenario.actuators.mass_angle
     assert (float(angle.rate_limit), float(angle.time_constant)) == (0.2, 1.0)
+    position = loop.scenario.actuators.mass_position
+    assert (float(position.dead_band), float(angle.dead_band)) == (0.001, 0.02)
     kinds = [type(term).__name__ for term in loop.scenario.disturbance.terms]
     assert kinds == ["Sinusoid", "GaussMarkov", "Constant"]
     noise = loop.scenario.disturbance.terms[1]

@@ -332,7 +332,9 @@ REGISTRY = {
     "actuator/saturated": lambda: actuator(Actuator(0.4)),
     "actuator/rate-limited": lambda: actuator(rate_limited()),
     "actuator/failing": lambda: actuator(Actuator(0.4, failure=failure())),
-    "actuator/pump": lambda: actuator(Pump(0.4, None, None, None, 0.9, 0.5, 0.7)),
+    "actuator/pump": lambda: actuator(
+        Pump(0.4, push_rate=0.9, draw_rate=0.5, boost_rate=0.7)
+    ),
     "plant/fin": lambda: plant(full_plant(load_vehicle("slocum-comet"))),
     "reference/yo": lambda: reference(yo()),
     **{

@@ -96,6 +96,27 @@ def test_the_heading_law_with_its_own_memory_follows_the_log(record):
     assert np.quantile(summed, 0.9) < 0.5
 
 
+def test_a_rounding_of_the_wait_costs_the_integral_no_run():
+    """120 s are 30 runs of 4 s, whether 120 s is a little more or less."""
+
+    def integral(wait):
+        gains = COMET.fin_gains()._replace(wait=wait)
+
+        def run(turning, over):
+            told = jnp.asarray(0.2), jnp.asarray(0.0), over, gains, jnp.asarray(4.0)
+            after = steered(turning, *told)
+            return after, after.integral
+
+        zero = jnp.zeros(())
+        hard_over = jnp.arange(40) < 2
+        return jax.lax.scan(run, Turning(zero, zero, zero, zero), hard_over)[1]
+
+    found = jax.jit(jax.vmap(integral))(120.0 * (1.0 + jnp.array([0.0, 1e-6, -1e-6])))
+    # Two runs hard over, the one that sees it back, thirty of waiting.
+    first = np.argmax(np.asarray(found) > 0.0, axis=1)
+    np.testing.assert_array_equal(first, 33)
+
+
 LOOKS = Looks(jnp.asarray(0.05), jnp.asarray(8.0), jnp.asarray(60.0))
 
 

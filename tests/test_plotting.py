@@ -24,7 +24,7 @@ from jaxglider.control.prescribed.performance import (
 )
 from jaxglider.plotting.save import save
 from jaxglider.plotting.series import MAX_POINTS, break_jumps, keep_extremes
-from jaxglider.plotting.style import look, styles
+from jaxglider.plotting.style import label_time, look, styles
 from jaxglider.signals import BodyAxes, Channels, Command, GliderState, map_fields
 from jaxglider.simulation.metrics import empty_sums, finish
 from jaxglider.simulation.rollout import Trajectory
@@ -140,6 +140,32 @@ def test_tracking_draws_depth_downward_and_angles_in_degrees(run):
     assert "deg" in axes[1].get_ylabel()
     assert "deg" in axes[2].get_ylabel()
     assert axes[2].get_xlabel() == "time (s)"
+
+
+@pytest.mark.parametrize(
+    ("end", "label", "step"), [(1800.0, "time (s)", 1.0), (9000.0, "time (h)", 3600.0)]
+)
+def test_long_runs_have_hours_on_their_axis_and_seconds_in_their_lines(
+    end, label, step
+):
+    axes = list(panels(2))
+    for axis in axes:
+        axis.plot([0.0, end], [0.0, 1.0])
+    label_time(axes, end)
+    rendered(axes[0].figure)
+    low, high = axes[1].get_xlim()
+    assert (low, high) == (0.0, end)
+    assert [axes[0].get_xlabel(), axes[1].get_xlabel()] == ["", label]
+    shown = [
+        (text.get_text(), place)
+        for text, place in zip(
+            axes[1].get_xticklabels(), axes[1].get_xticks(), strict=True
+        )
+        if low <= place <= high
+    ]
+    assert 3 < len(shown) < 12
+    for text, place in shown:
+        assert float(text) * step == pytest.approx(place)
 
 
 def test_heading_of_a_glider_that_turned_ten_times_stays_near_its_reference(run):

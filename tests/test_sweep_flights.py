@@ -1,7 +1,10 @@
 """Sweeps of missions that fly yos: how they end, and what they cost."""
 
+import dataclasses
 import json
 
+import equinox as eqx
+import jax
 import netCDF4
 import numpy as np
 import pytest
@@ -9,9 +12,22 @@ from toy_campaign import Toy
 
 import tuning.campaign.execute
 import tuning.campaign.report.report
+from jaxglider.files.flight.missions import mission_path
+from jaxglider.files.mission import load_mission
 from jaxglider.guidance.phases import BOTTOM, COMPLETED, STALL, UNFINISHED
+from jaxglider.simulation.rollout import evaluate
 from tuning.campaign.analysis.summary import ranked
-from tuning.campaign.run.rows import ALL_COLUMNS, COLUMNS, Rows, make_rows
+from tuning.campaign.run.rows import (
+    ALL_COLUMNS,
+    COLUMNS,
+    Rows,
+    columns_of,
+    flatten,
+    make_rows,
+)
+from tuning.evaluation.held_out import _counts
+from tuning.evaluation.report import _unfinished
+from tuning.reporting.witness import assess
 
 RUN = "sweep --mission slocum-shallow --precision 64 --members 300 --gains mission "
 ENERGY, STATUS = (ALL_COLUMNS.index(x) for x in ("flight.energy.steering", "status"))
@@ -52,6 +68,32 @@ def flown(sweep, tmp_path, monkeypatch):
         return code, out, next(iter(summary["controllers"].values())), columns
 
     return run
+
+
+def test_what_judges_a_run_has_the_measures_of_its_flight():
+    """As the metrics of a rollout have; a row has a place for each."""
+    loop = load_mission(mission_path("slocum-shallow")).loop
+    sea = loop.scenario.sea(jax.random.key(0))
+    judged, seen = jax.eval_shape(assess, loop, sea)
+    assert jax.tree.structure(judged) == jax.tree.structure(
+        jax.eval_shape(evaluate, loop, sea)
+    )
+    found = jax.tree.map(lambda x: np.zeros((3, *x.shape)), (judged, seen))
+    assert flatten(*found).shape == (3, len(columns_of(flight=True)))
+
+
+def test_the_verdict_of_tuning_counts_how_missions_ended():
+    loop = load_mission(mission_path("slocum-shallow")).loop
+    shape, _ = jax.eval_shape(assess, loop, loop.scenario.sea(jax.random.key(0)))
+    four = jax.tree.map(lambda x: np.ones((4, *x.shape)), shape)
+    ends = np.array([COMPLETED, STALL, BOTTOM, STALL])
+    four = eqx.tree_at(
+        lambda m: (m.status, m.finite, m.capsized), four, (ends, ends > 0, ends < 0)
+    )
+    counts = _counts(four, 1, loop.scenario.specification)
+    assert (counts.unfinished, counts.ends) == (3, {"bottom": 1, "stall": 2})
+    words = _unfinished(dataclasses.asdict(counts))
+    assert words == "3 did not finish (1 bottom, 2 stall), "
 
 
 def test_each_end_of_a_mission_is_counted_and_may_be_required(flown):

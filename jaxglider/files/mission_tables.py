@@ -119,6 +119,8 @@ def read_actuators(
         one = table.table(name)
         rate = one.get(f"rate_limit_{unit}_s", None)
         lag = one.get("time_constant_s", None)
+        # A pump has one of its own, see `read_pump`.
+        band = None if unit == "kg" else one.get(f"dead_band_{unit}", None)
         usual = getattr(own, name)
         actuators[name] = built(
             Actuator,
@@ -126,6 +128,7 @@ def read_actuators(
             one.number(f"limit_{unit}", float(usual.limit)),
             usual.rate_limit if rate is None else one.number(f"rate_limit_{unit}_s"),
             None if lag is None else one.number("time_constant_s"),
+            dead_band=None if band is None else one.number(f"dead_band_{unit}"),
         )
         if kind == "vehicle" and name == "buoyancy_mass" and rate is lag is None:
             limit = float(actuators[name].limit)

@@ -19,6 +19,7 @@ from jaxglider.plotting.series import (
     curve,
     degrees,
     drawable,
+    end_time,
     wrapped_degrees,
 )
 from jaxglider.plotting.style import (
@@ -28,15 +29,14 @@ from jaxglider.plotting.style import (
     legend_above,
     look,
     new_figure,
+    time_unit,
 )
 from jaxglider.signals import Command
 from jaxglider.simulation.flight import halves
 from jaxglider.simulation.rollout import Trajectory
 from jaxglider.vehicle.actuators import Actuator
 
-HOUR, MINUTE = 3600.0, 60.0
-SHORT = 0.5 * HOUR
-"""Length up to which a run is drawn in minutes [s]."""
+MINUTE = 60.0
 PANELS = 7
 """Panels of a dive: depth, three angles, three actuators."""
 PHASE_COLOURS = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00", "#009E73")
@@ -65,7 +65,8 @@ def flight(axes: Any, run: Trajectory, actuators: Command[Actuator]) -> Any:
         actuators: actuators of the scenario; their limits are drawn.
     """
     ticks = active_ticks(run)
-    return _panels(axes, ticks, drawable(ticks.time) / HOUR, "time (h)", actuators)
+    unit, label = time_unit(end_time([run]), MINUTE)
+    return _panels(axes, ticks, drawable(ticks.time) / unit, label, actuators)
 
 
 def dive(
@@ -193,11 +194,11 @@ def energy(axis: Any, run: Trajectory) -> Any:
         spent = [float(getattr(flown.energy, name)) / 1e3 for name in _CONSUMERS]
         time = np.append(time, float(run.metrics.end_time))
         columns = [np.append(c, end) for c, end in zip(columns, spent, strict=True)]
-    long = time.size > 0 and time[-1] > SHORT
-    time = time / (HOUR if long else MINUTE)
+    unit, label = time_unit(end_time([run]), MINUTE)
+    time = time / unit
     axis.stackplot(time, columns, colors=list(_CONSUMERS.values()), lw=0.0)
     axis.set_ylabel("energy (kJ)")
-    axis.set_xlabel("time (h)" if long else "time (min)")
+    axis.set_xlabel(label)
     if time.size > 1:
         axis.set_xlim(0.0, float(time[-1]))
     axis.set_ylim(bottom=0.0)

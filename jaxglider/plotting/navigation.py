@@ -7,8 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from jaxglider.guidance import WaypointPath
-from jaxglider.plotting.series import active_ticks, break_jumps, degrees, drawable
-from jaxglider.plotting.style import FAINT, INK, flat, legend_above
+from jaxglider.plotting.series import (
+    active_ticks,
+    break_jumps,
+    degrees,
+    drawable,
+    end_time,
+)
+from jaxglider.plotting.style import FAINT, INK, flat, legend_above, time_unit
 from jaxglider.simulation.rollout import Trajectory
 
 TRUE, KNOWN, FIX = "#0072B2", "#D55E00", "#009E73"
@@ -64,26 +70,27 @@ def estimates(axes: Any, run: Trajectory) -> Any:
     """
     panels = flat(axes, 4, "estimates")
     ticks = active_ticks(run)
-    minutes = drawable(ticks.time) / 60.0
+    unit, label = time_unit(end_time([run]), 60.0)
+    time = drawable(ticks.time) / unit
     onboard: Any = ticks.onboard
     truth, known = ticks.state, onboard.estimate
     rates = [_depth_rate(s) for s in (truth, known)]
     for values, colour in zip(rates, (TRUE, KNOWN), strict=True):
-        panels[0].plot(minutes, 100.0 * values, color=colour, lw=0.8)
+        panels[0].plot(time, 100.0 * values, color=colour, lw=0.8)
     panels[0].set_ylabel("depth rate\n(cm/s)")
-    panels[1].plot(minutes, 100.0 * (rates[1] - rates[0]), color=INK, lw=0.8)
+    panels[1].plot(time, 100.0 * (rates[1] - rates[0]), color=INK, lw=0.8)
     panels[1].set_ylabel("its error\n(cm/s)")
     for state, colour in ((truth, TRUE), (known, KNOWN)):
-        panels[2].plot(minutes, 100.0 * drawable(state.surge), color=colour, lw=0.8)
+        panels[2].plot(time, 100.0 * drawable(state.surge), color=colour, lw=0.8)
     panels[2].set_ylabel("surge\n(cm/s)")
     for name, colour in (("pitch", INK), ("heading", FAINT)):
         wrong = degrees(getattr(known, name)) - degrees(getattr(truth, name))
         wrong = (wrong + 180.0) % 360.0 - 180.0
-        panels[3].plot(*break_jumps(minutes, wrong, 180.0), color=colour, lw=0.8)
+        panels[3].plot(*break_jumps(time, wrong, 180.0), color=colour, lw=0.8)
     panels[3].set_ylabel("error (deg)")
-    panels[3].set_xlabel("time (min)")
-    if minutes.size > 1:
-        panels[3].set_xlim(0.0, float(minutes[-1]))
+    panels[3].set_xlabel(label)
+    if time.size > 1:
+        panels[3].set_xlim(0.0, float(time[-1]))
     legend_above(
         panels[0],
         [

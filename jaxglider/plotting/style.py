@@ -15,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 from matplotlib.transforms import offset_copy
 
 from jaxglider.control.catalogue import LAWS
@@ -29,7 +30,8 @@ COLUMN = 3.5
 """Width of one journal column [in]."""
 PAGE = 7.16
 """Width of two journal columns [in]."""
-TIME_LABEL = "time (s)"
+HALF_HOUR = 1800.0
+"""Length beyond which a run is told in hours [s]."""
 _HANDLE, _PAD, _SPACING = 2.2, 0.5, 1.1
 """Spaces of a legend in font sizes: length of a line, gap to its label, gap to the
 next."""
@@ -153,14 +155,47 @@ def flat(axes: Any, number: int, owner: str) -> list[Axes]:
     return panels
 
 
+def time_unit(end: float, short: float = 1.0) -> tuple[float, str]:
+    """Unit of a time axis [s] and its label: hours for long runs.
+
+    Args:
+        end: end of the longest run [s].
+        short: unit for short runs [s], a second or a minute.
+    """
+    if end > HALF_HOUR:
+        return 3600.0, "time (h)"
+    return short, "time (s)" if short == 1.0 else "time (min)"
+
+
 def label_time(axes: Sequence[Axes], end: float) -> None:
-    """One time scale for all; named on the lowest row."""
+    """One time scale for all; named on the lowest row, in hours for long runs.
+
+    Args:
+        axes: axes over a time in seconds.
+        end: end of the time axis [s].
+    """
+    unit, label = time_unit(end)
     for axis in axes:
         place = axis.get_subplotspec()
         if place is None or place.is_last_row():
-            axis.set_xlabel(TIME_LABEL)
+            axis.set_xlabel(label)
         if end > 0.0:
             axis.set_xlim(0.0, end)
+        if unit != 1.0:
+            axis.xaxis.set_major_locator(_TicksOf(unit))
+            axis.xaxis.set_major_formatter(FuncFormatter(lambda t, _: f"{t / unit:g}"))
+
+
+class _TicksOf(MaxNLocator):
+    """Round numbers of a unit, on an axis of seconds."""
+
+    def __init__(self, unit: float) -> None:
+        super().__init__(nbins="auto", steps=[1, 2, 2.5, 5, 10])
+        self._unit = unit
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        ticks = super().tick_values(vmin / self._unit, vmax / self._unit)
+        return self._unit * np.asarray(ticks)
 
 
 def legend_above(

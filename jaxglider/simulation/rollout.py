@@ -86,7 +86,7 @@ def roll(
     (last, _), outputs = _in_parts(
         through, (loop.init(), first), known, checkpoint_every, keep_every
     )
-    return _finished(loop.scenario, last), outputs
+    return closed(loop.scenario, last), outputs
 
 
 def _in_parts(
@@ -128,8 +128,13 @@ def _check(scenario: Scenario, noise: SensorErrors | None, **every: int) -> None
         )
 
 
-def _finished(scenario: Scenario, last: Carry) -> Metrics:
-    """Metrics of a run from what it ends with."""
+def closed(scenario: Scenario, last: Carry) -> Metrics:
+    """Metrics of a run from what it ends with: of errors, flight and navigation.
+
+    Args:
+        scenario: scenario that was flown.
+        last: carry after the last tick.
+    """
     status = scenario.reference.final_status(last.status)
     metrics = finish(last.sums, last.state, last.reached, scenario.clock.dt, status)
     if last.known is not None:

@@ -60,24 +60,30 @@ class Actuator(Container):
 
     x ← x + clip((1 − e^(−Δt/τ)) (clip(u, ±limit) − x), ±rate_limit Δt)
 
+    Within its dead band, |clip(u, ±limit) − x| ≤ dead_band, it stands.
+
     Attributes:
         limit: largest modulus of the position [kg, m or rad].
         rate_limit: largest modulus of its rate [1/s of that], or None for no limit.
         time_constant: τ [s] of the first-order lag, or None for no lag.
         failure: way of failing, or None for never.
+        dead_band: distance from the command within which it stands [kg, m or rad], or
+            None for an actuator that follows the smallest change.
 
     Raises:
-        ValueError: a number is not positive.
+        ValueError: a number is not positive, or the dead band is negative.
     """
 
     limit: Scalar = eqx.field(converter=as_float)
     rate_limit: Scalar | None = eqx.field(converter=as_float, default=None)
     time_constant: Scalar | None = eqx.field(converter=as_float, default=None)
     failure: Failure | None = None
+    dead_band: Scalar | None = eqx.field(converter=as_float, default=None)
 
     def __check_init__(self) -> None:
         for name in ("limit", "rate_limit", "time_constant"):
             check_interval("Actuator", name, getattr(self, name), low=0.0)
+        check_interval("Actuator", "dead_band", self.dead_band, 0.0, closed_low=True)
 
     def follow(
         self,
@@ -115,11 +121,14 @@ class Actuator(Container):
             dt: tick [s].
             depth: depth of the glider [m]; only a pump asks for it.
         """
+        wanted = target
         if self.time_constant is not None:
             target = held - jnp.expm1(-dt / self.time_constant) * (target - held)
         if self.rate_limit is not None:
             reach = self.rate_limit * dt
             target = jnp.clip(target, held - reach, held + reach)
+        if self.dead_band is not None:
+            target = jnp.where(jnp.abs(wanted - held) <= self.dead_band, held, target)
         return target
 
 

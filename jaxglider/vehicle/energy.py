@@ -42,7 +42,7 @@ class Pump(Actuator):
         dead_band: distance from the command within which it stands [kg].
 
     Raises:
-        ValueError: a rate is not positive, or the dead band is negative.
+        ValueError: a rate is not positive.
     """
 
     push_rate: Scalar = eqx.field(converter=as_float, default=0.01)
@@ -54,7 +54,6 @@ class Pump(Actuator):
     def __check_init__(self) -> None:
         for name in ("push_rate", "draw_rate", "boost_rate"):
             check_interval("Pump", name, getattr(self, name), low=0.0)
-        check_interval("Pump", "dead_band", self.dead_band, 0.0, closed_low=True)
 
     def towards(
         self, target: Scalar, held: Scalar, dt: Scalar, depth: Scalar | float

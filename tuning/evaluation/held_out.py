@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 from jaxglider.files.results import metrics_dict
+from jaxglider.guidance.phases import COMPLETED, STATUSES
 from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
@@ -58,7 +59,9 @@ class Counts:
         not_finite: number of runs that became non-finite.
         capsized: number that rolled past 90 degrees.
         outside_funnel: number that left a specified funnel at some time.
-        unfinished: number that missed a waypoint; None without a course.
+        unfinished: number whose mission did not come to its end, or that missed a
+            waypoint; None without a course or yos.
+        ends: numbers of those by the end of their mission, where yos are flown.
         broken: number that broke any part of the specification; each part by its name.
     """
 
@@ -67,6 +70,7 @@ class Counts:
     capsized: int
     outside_funnel: int
     unfinished: int | None = None
+    ends: dict[str, int] = dataclasses.field(default_factory=dict)
     broken: dict[str, int] = dataclasses.field(default_factory=dict)
 
 
@@ -90,8 +94,9 @@ class Verdict:
         """Plain numbers, as they stand in tune.json."""
         tables = dataclasses.asdict(self)
         for counts in tables["counts"].values():
-            if counts["unfinished"] is None:
-                del counts["unfinished"]
+            for key in ("unfinished", "ends"):
+                if not counts[key] and counts[key] != 0:
+                    del counts[key]
         return tables
 
 
@@ -222,8 +227,12 @@ def _counts(
     metrics: Metrics, waypoints: int | None, specification: Specification | None
 ) -> Counts:
     outside = sum(_column(metrics, c, "time_outside_funnel") > 0.0 for c in CHANNELS)
-    unfinished = None
-    if waypoints is not None:
+    unfinished, ends = None, {}
+    if metrics.status is not None:
+        number = np.asarray(metrics.status)
+        unfinished = int(np.sum(number != COMPLETED))
+        ends = {n: int(np.sum(number == k)) for k, n in enumerate(STATUSES)}
+    elif waypoints is not None:
         reached = np.asarray(metrics.waypoints_reached)
         unfinished = int(np.sum(reached < waypoints))
     return Counts(
@@ -232,6 +241,7 @@ def _counts(
         capsized=int(np.sum(np.asarray(metrics.capsized))),
         outside_funnel=int(np.sum(outside > 0)),
         unfinished=unfinished,
+        ends={n: k for n, k in ends.items() if k and n != STATUSES[COMPLETED]},
         broken=_broken(metrics, specification),
     )
 

@@ -83,9 +83,12 @@ def _verdict(result: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _unfinished(counts: dict[str, int]) -> str:
-    """For a course with waypoints alone."""
-    return f"{counts['unfinished']} did not finish, " if "unfinished" in counts else ""
+def _unfinished(counts: dict[str, Any]) -> str:
+    """For yos, with how their missions ended, and for courses with waypoints."""
+    if "unfinished" not in counts:
+        return ""
+    ends = ", ".join(f"{k} {name}" for name, k in counts.get("ends", {}).items())
+    return f"{counts['unfinished']} did not finish{f' ({ends})' if ends else ''}, "
 
 
 def _judged_on(members: dict[str, int]) -> str:

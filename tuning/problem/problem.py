@@ -26,8 +26,8 @@ from tuning.problem.spec import ProblemSpec
 from tuning.reporting.witness import Witness, assess
 from tuning.space.space import Space
 
-STATE_SIZE, STATES_LIMIT = 50, 2**30
-"""Numbers that a gradient keeps of a tick of one member; and bytes it may keep."""
+STATES_LIMIT = 2**30
+"""Bytes of states that a gradient may keep."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,11 +120,12 @@ class TuningProblem:
 
     def _checkpoint_every(self, members: int) -> int:
         """1 as long as a gradient's states fit in memory; that is a sixth faster."""
-        clock = self.loop.scenario.clock
-        states = STATE_SIZE * clock.dt.dtype.itemsize * members
-        if clock.ticks * states <= STATES_LIMIT:
+        ticks = self.loop.scenario.clock.ticks
+        state = jax.tree.leaves(jax.eval_shape(self.loop.init))
+        size = sum(x.size * x.dtype.itemsize for x in state)
+        if ticks * members * size <= STATES_LIMIT:
             return 1
-        return sparse_checkpoints(clock.ticks)
+        return sparse_checkpoints(ticks)
 
     def losses_on(self, members: Member) -> Callable[[Any], Series]:
         """Compiled: the objective of each row of free numbers on some members."""

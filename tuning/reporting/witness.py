@@ -17,8 +17,8 @@ from jaxglider.core.containers import Scalar
 from jaxglider.core.traced_once import traced_once
 from jaxglider.signals import BodyAxes, Channels, map_fields, zeros
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.metrics import Metrics, finish
-from jaxglider.simulation.rollout import with_ticks
+from jaxglider.simulation.metrics import Metrics
+from jaxglider.simulation.rollout import closed, with_ticks
 from jaxglider.simulation.scenario import SensorErrors
 from jaxglider.simulation.tick import Carry, TickInput, TickRecord
 
@@ -66,7 +66,6 @@ def assess(
         noise: the realised errors of the sensors, `loop.scenario.noise(key)`, or None.
     """
     due = _due(loop)
-    dt = loop.scenario.clock.dt
     # A tick does not ask how many there are: one trace for runs of all lengths.
     any_length = with_ticks(loop, 1)
 
@@ -78,7 +77,7 @@ def assess(
     (last, watch), _ = lax.scan(
         step, (start, _unwatched(like)), loop.inputs(sea, noise)
     )
-    return finish(last.sums, last.state, last.reached, dt), watch.seen
+    return closed(loop.scenario, last), watch.seen
 
 
 @traced_once

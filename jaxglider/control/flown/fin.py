@@ -16,6 +16,9 @@ REVERSAL = 2.96
 """|e| [rad] from which port and starboard are as near: the turn keeps its side."""
 NEARLY_OVER = 0.95
 """Share of δ_max from which a fin counts as hard over."""
+FORGIVEN = 0.01
+"""Share of a run by which times may be off: most are whole numbers of runs, and a
+rounding is not to decide whether one more passes."""
 
 
 class Turning(NamedTuple):
@@ -83,5 +86,6 @@ def steered(
     # the one that ends the wait see is not added. At the start it counts from there.
     free = jnp.where(over, -since, turning.free + since)
     added = turning.integral + moves * error * since
-    integral = jnp.where(over | (turning.free < gains.wait), 0.0, added)
+    waits = turning.free + FORGIVEN * since < gains.wait
+    integral = jnp.where(over | waits, 0.0, added)
     return Turning(error, integral, free, asked)

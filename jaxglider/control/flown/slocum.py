@@ -40,7 +40,13 @@ from jaxglider.control.controller import (
     tracking_error,
 )
 from jaxglider.control.flown.battery import Looks, Shifts, looked, remembered
-from jaxglider.control.flown.fin import NEARLY_OVER, FinGains, Turning, steered
+from jaxglider.control.flown.fin import (
+    FORGIVEN,
+    NEARLY_OVER,
+    FinGains,
+    Turning,
+    steered,
+)
 from jaxglider.control.parts import (
     ANY,
     SIGN,
@@ -223,7 +229,7 @@ class Slocum(AbstractController):
         push = jnp.clip(
             self.position_scale * push, -self.largest_step, self.largest_step
         )
-        settled = _gliding(reference) > self.settling
+        settled = _gliding(reference) > self.settling + FORGIVEN * since
         shifts = looked(shifts, error.pitch, push, climbing, settled, looks, since)
         trim = wanted_trim(self.model, measurement, reference)
         ballast = trim.buoyancy_mass

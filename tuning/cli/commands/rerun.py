@@ -16,7 +16,7 @@ import jax
 import numpy as np
 
 from jaxglider.core.batching import BLOCK
-from jaxglider.files.results import metrics_dict, write_trajectories
+from jaxglider.files.results import write_trajectories
 from jaxglider.files.writing import provenance, write_json
 from jaxglider.plotting import save_all
 from jaxglider.simulation.rollout import Trajectory, simulate
@@ -33,8 +33,11 @@ from tuning.campaign.run.rows import (
 )
 from tuning.campaign.run.store import Manifest, read_manifest, read_rows, whole_rows
 from tuning.evaluation.failures import until_failure
+from tuning.evaluation.runs import FinishedRun, PlannedRun
 from tuning.reporting.console import Progress, note, print_result
+from tuning.reporting.flights import markdown_flight, text_flight
 from tuning.reporting.html import write_html
+from tuning.reporting.navigation import markdown_navigation, text_navigation
 from tuning.reporting.output_folder import writing_to
 from tuning.reporting.statistics import plain
 from tuning.reporting.tables import markdown_table, markdown_tables, text_table
@@ -90,8 +93,11 @@ def _rerun(
         f"{out}: member.json, trajectories.nc and {len(figures)} figures, all in "
         "report.html too."
     )
-    text = f"member {member}\n" + text_table(result["runs"])
-    print_result(result, text, as_json=options.json)
+    told = [
+        text(run) for text in (text_flight, text_navigation) for run in result["runs"]
+    ]
+    text = "\n\n".join([text_table(result["runs"]), *filter(None, told)])
+    print_result(result, f"member {member}\n{text}", as_json=options.json)
 
 
 def _explained(
@@ -120,6 +126,8 @@ def _page(result: dict[str, Any], title: str) -> str:
     ]
     head = ["what is uncertain", "drawn", "unit"]
     parts = [f"# {title[0].upper()}{title[1:]}\n", markdown_tables(result["runs"])]
+    for told in (markdown_flight, markdown_navigation):
+        parts += [line for run in result["runs"] for line in told(run)]
     return "\n".join([*parts, "## What was drawn\n", *markdown_table(head, drawn, 1)])
 
 
@@ -191,15 +199,11 @@ def _result(
     for number, (label, run) in enumerate(runs.items()):
         row = kept["metrics"][number]
         metrics = row[: len(METRIC_COLUMNS)]
+        loop = campaign.loops[number]
+        entry = PlannedRun(settings.scenario, settings.plant, label, loop, False)
         found.append(
             {
-                "scenario": settings.scenario,
-                "plant": settings.plant,
-                "controller": label,
-                "published_case": False,
-                **metrics_dict(
-                    run.metrics, has_waypoints=campaign.waypoints is not None
-                ),
+                **FinishedRun(entry, run).summary(),
                 "row_equal": _equal(row, again["metrics"][number]),
                 "trajectory_equal": _equal(metrics, flatten(run.metrics)),
                 "largest_difference": _difference(metrics, flatten(run.metrics)),
