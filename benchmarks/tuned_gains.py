@@ -7,7 +7,8 @@ FxTPPC that steers by bank knows of the roll itself. Cases can be named to make 
 again.
 
 Then, or with `--judge` at once, it writes a table of what the gains of the package are
-worth beside the paper's on members that neither descent nor choice has seen; with
+worth beside the paper's on members that neither descent nor choice has seen, and one of
+how far their actuators travel and what work they do; with
 `--ticks` one of the same gains at half and twice the tick, and from starts 1e-10 m
 apart. Run it in the folder above.
 """
@@ -18,6 +19,8 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+
+from actuator_work import actuator_work
 
 from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import replacing, write_text
@@ -70,7 +73,8 @@ def main() -> int:
     if options.ticks:
         table = _tick_table({name: _at_ticks(name) for name in shipped})
     else:
-        table = _table([_judge(name) for name in shipped])
+        results = [_judge(name) for name in shipped]
+        table = _table(results) + "\n" + _travel_table(results)
     write_text(options.out / ("ticks.md" if options.ticks else "tuned.md"), table)
     sys.stdout.write(table)
     return 0
@@ -160,7 +164,12 @@ def _judge(name: str) -> dict[str, Any]:
     """The gains of the package against the paper's."""
     scenario, plant, controller = CASES[name]
     problem, tuned = _shipped(name)
-    about = {"scenario": scenario, "plant": plant, "controller": controller}
+    about: dict[str, Any] = {
+        "scenario": scenario,
+        "plant": plant,
+        "controller": controller,
+        "work": [actuator_work(loop) for loop in (problem.loop, tuned)],
+    }
     judge = Judge(problem)
     verdict = compare_held_out(problem, judge(problem.loop), judge(tuned))
     return about | verdict.to_dict()
@@ -191,6 +200,28 @@ def _table(results: list[dict[str, Any]]) -> str:
                 if count in after
                 else "-"
             )
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _travel_table(results: list[dict[str, Any]]) -> str:
+    """Travel, mean of the held-out members, and work of the nominal run."""
+    lines = [
+        "| case | plant | law | pumped [kg] | mass along the axis [m] | "
+        "mass angle [rad] | work of the pump [J] | work of the mass [J] |",
+        "|---|---|---|---:|---:|---:|---:|---:|",
+    ]
+    for result in results:
+        rows = result["held_out"]
+        cells = [result["scenario"], result["plant"], label_of(result["controller"])]
+        pairs = [
+            *(
+                (row["before"], row["after"])
+                for row in (rows[x]["travel"] for x in rows)
+            ),
+            *zip(*result["work"], strict=True),
+        ]
+        cells += [f"{_cell(before)} → {_cell(after)}" for before, after in pairs]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 

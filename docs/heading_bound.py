@@ -11,7 +11,7 @@ before it is told to. It writes images/heading_bound.png.
 
 `--actuators vehicle` does the same for the gains that come along, on actuators as fast
 as the vehicle's file says, with a plan that keeps the roll within 45°; with `--plant
-seawing` on the other plant. It writes no picture.
+seawing` on the other plant, with `--law smc` beside another law. It writes no picture.
 """
 
 import argparse
@@ -30,6 +30,7 @@ import jaxglider
 from jaxglider import ClosedLoop, Command, evaluate, paper, simulate
 from jaxglider.control import AbstractController
 from jaxglider.files.gains import load_gains
+from jaxglider.files.user_law import label_of
 from jaxglider.paper.tuned import tuned_gains
 from jaxglider.plotting.save import save
 from jaxglider.plotting.style import (
@@ -117,11 +118,11 @@ def tuned(kind: str) -> ClosedLoop:
     return load_gains(file, "switching", model).on(scenario)
 
 
-def shipped(plant: str) -> ClosedLoop:
-    """FxTPPC with the gains that come along, on actuators that have a speed."""
+def shipped(plant: str, law: str) -> ClosedLoop:
+    """A law with the gains that come along, on actuators that have a speed."""
     scenario = paper.make_scenario("switching", plant)
     model = paper.design_model(scenario.plant)
-    gains = tuned_gains("switching", plant, "fxtppc")
+    gains = tuned_gains("switching", plant, law)
     return load_gains(gains, "switching", model).on(scenario)
 
 
@@ -204,22 +205,24 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=300)
     parser.add_argument("--actuators", choices=("ideal", "vehicle"), default="ideal")
     parser.add_argument("--plant", choices=("rigid-body", "seawing"))
+    parser.add_argument("--law", choices=("fxtppc", "ppc", "smc", "pid"))
     picture = Path(__file__).parent / "images" / "heading_bound.png"
     parser.add_argument("--out", type=Path, default=picture)
     options = parser.parse_args()
-    if options.plant and options.actuators == "ideal":
-        parser.error("--plant goes with --actuators vehicle")
+    if (options.plant or options.law) and options.actuators == "ideal":
+        parser.error("--plant and --law go with --actuators vehicle")
     jaxglider.enable_fast_loops()
     jax.config.update("jax_enable_x64", True)
     run = jax.jit(simulate)
     if options.actuators == "vehicle":
-        loop = shipped(options.plant or "rigid-body")
+        law = options.law or "fxtppc"
+        loop = shipped(options.plant or "rigid-body", law)
         sea = loop.scenario.sea(jax.random.key(0))
         flown = run(loop, sea)
         own = flown.metrics.channels
         limits = float(own.depth.rms_error), float(own.pitch.rms_error)
         plan = best_plan(loop, SPECIFIED, options.steps, limits)
-        runs = {"FxTPPC": flown, "with a plan, within 45°": run(plan, sea)}
+        runs = {label_of(law): flown, "with a plan, within 45°": run(plan, sea)}
     else:
         loop = tuned("fxtppc")
         sea = loop.scenario.sea(jax.random.key(0))
