@@ -378,7 +378,7 @@ def test_the_costly_part_compiles_once_on_several_devices():
         devices=jax.devices(),
     )
     assert len(list(descent.run(descent.start(jnp.ones(2))))) == 3
-    assert descent._evaluate_jit._cache_size() == 1
+    assert descent._evaluate_jit.compiled._cache_size() == 1
 
 
 def test_what_is_chosen_is_best_on_the_validation_set():
