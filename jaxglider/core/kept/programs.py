@@ -68,6 +68,7 @@ def kept(function: F) -> F:
     """
     compiled, partly_static = jax.jit(function), eqx.filter_jit(function)
     known: dict[str, Callable[..., Any]] = {}
+    content: list[str | None] = []
 
     @functools.wraps(function)
     def call(*arguments: Any) -> Any:
@@ -76,7 +77,9 @@ def kept(function: F) -> F:
         usual = partly_static if jax.tree.leaves(static) else compiled
         if not _folders or any(isinstance(x, jax.core.Tracer) for x in leaves):
             return usual(*arguments)
-        digest = _digest(function, dynamic, static)
+        if not content:  # told once: a pure function holds nothing that changes
+            content.append(_content(function))
+        digest = _digest(content[0], dynamic, static)
         if digest is None:
             return usual(*arguments)
         if digest not in known:
@@ -91,17 +94,25 @@ def _is_array(leaf: Any) -> bool:
     return isinstance(leaf, jax.Array | np.ndarray | np.generic)
 
 
-def _digest(function: Any, dynamic: Any, static: Any) -> str | None:
+def _content(value: Any) -> str | None:
+    """Fingerprint of a value with its code; None where that cannot be told."""
+    try:
+        return code_fingerprint(value)
+    except TypeError:
+        return None
+
+
+def _digest(content: str | None, dynamic: Any, static: Any) -> str | None:
     """Digest of a program; None where what it is made of cannot be told."""
     kinds = jax.tree.map(lambda x: str(jax.typeof(x)), dynamic)
     weak = [jax.typeof(x).weak_type for x in jax.tree.leaves(dynamic)]
     if any(jax.config.values[name] for name in ("jax_debug_nans", "jax_disable_jit")):
         return None
-    try:
-        made_of = code_fingerprint([function, kinds, weak, static])
-    except TypeError:
+    taken = _content([kinds, weak, static])
+    if content is None or taken is None:
         return None
-    return hashlib.sha256(f"{_surroundings()} {made_of}".encode()).hexdigest()[:32]
+    made_of = f"{_surroundings()} {content} {taken}"
+    return hashlib.sha256(made_of.encode()).hexdigest()[:32]
 
 
 def _surroundings() -> str:
