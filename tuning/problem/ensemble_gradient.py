@@ -28,7 +28,7 @@ from tuning.problem.lanes import (
 )
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class EnsembleGradient:
     """Objective on all members, and a gradient on some of them.
 
