@@ -32,11 +32,11 @@ from search_runs import CMA, DESCENT, LOOKS, RANDOM, Run, draw, summary, table
 
 from jaxglider import map_members, paper
 from jaxglider.files.writing import provenance
-from tuning.problem.lanes import member_count
+from tuning.problem.lanes import member_count, scattered
 from tuning.problem.problem import TuningProblem
 from tuning.problem.spec import EnsembleSpec, ProblemSpec
 from tuning.reporting.statistics import plain
-from tuning.search.descent import Descent, scattered
+from tuning.search.descent import Descent
 from tuning.search.evolution import cma_es, default_population, random_search
 from tuning.search.rescue import is_lost, promising_gains
 from tuning.search.settings import DescentSettings

@@ -3,6 +3,7 @@
 import ast
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ PACKAGE = Path(jaxglider.__file__).parent
 ROOT = PACKAGE.parent
 PACKAGES = ("jaxglider", "tuning")
 ROOMS = (
+    "jaxglider.core.kept",
     "jaxglider.core",
     "jaxglider.signals",
     "jaxglider.vehicle",
@@ -227,9 +229,12 @@ def global_settings(text):
 
 @pytest.mark.parametrize("path", sources("jaxglider"), ids=module_name)
 def test_module_leaves_settings_alone(path):
-    # The switch for fast loops is a call that the user makes.
-    allowed = {"os.environ"} if path.name == "compiler.py" else set()
-    assert set(global_settings(path.read_text())) <= allowed
+    # The switch for fast loops is a call that the user makes; a program that is kept
+    # is told by the settings it was traced with, which are read.
+    allowed = {"compiler.py": {"os.environ"}, "programs.py": {"jax.config"}}
+    text = path.read_text()
+    assert set(global_settings(text)) <= allowed.get(path.name, set())
+    assert set(re.findall(r"jax\.config\b(.{7})", text)) <= {".values"}
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from jaxglider.uncertainty.members import Member, with_member
 from jaxglider.uncertainty.quantities import uniform_uncertainty
 from tuning.evaluation.held_out import paired_means
 from tuning.problem.aggregates import CVaR, Mean, SoftWorst, make_aggregate
-from tuning.problem.lanes import FAILED_COST, saturate_cost
+from tuning.problem.lanes import FAILED_COST, saturate_cost, scattered
 from tuning.problem.members import (
     SWEEP,
     TEST,
@@ -27,7 +27,7 @@ from tuning.problem.members import (
 from tuning.problem.objective import DEFAULT_COST_SCALE, Objective, Weights
 from tuning.problem.objective_file import DEFAULT_WEIGHTS, load_cost
 from tuning.search.checkpoint import Checkpoint
-from tuning.search.descent import Descent, scattered
+from tuning.search.descent import Descent
 from tuning.search.settings import DescentSettings
 from tuning.space.space import Space
 
@@ -378,7 +378,7 @@ def test_the_costly_part_compiles_once_on_several_devices():
         devices=jax.devices(),
     )
     assert len(list(descent.run(descent.start(jnp.ones(2))))) == 3
-    assert descent._evaluate_jit._cache_size() == 1
+    assert descent._evaluate_jit.compiled._cache_size() == 1
 
 
 def test_what_is_chosen_is_best_on_the_validation_set():

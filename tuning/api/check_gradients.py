@@ -10,6 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from jaxglider.core.kept.programs import kept
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import evaluate
 from jaxglider.uncertainty.members import with_member
@@ -124,7 +125,7 @@ def check_problem(
         note(text)
     progress.show("compiling the gradient and differences ...")
     loop = problem.space.write(problem.loop, free)
-    metrics = jax.jit(evaluate)(*with_member(loop, member))
+    metrics = kept(evaluate)(*with_member(loop, member))
     report = check_gradient(
         lambda x: problem.loss(x, member),
         free,

@@ -9,6 +9,7 @@ from pathlib import Path
 import equinox as eqx
 import numpy as np
 
+from jaxglider.core.kept.fingerprint import fingerprint
 from jaxglider.files.gains import encode_law
 from jaxglider.files.writing import provenance
 from jaxglider.simulation.closed_loop import ClosedLoop
@@ -28,7 +29,6 @@ from tuning.campaign.run.rows import Rows
 from tuning.campaign.run.store import Manifest, opened, prepare
 from tuning.problem.arguments import closed_loops, half_width, real, texts, whole
 from tuning.problem.case import FlightCase
-from tuning.problem.fingerprint import fingerprint
 from tuning.problem.gain_sets import GainSet
 from tuning.problem.spec import DEFAULT_UNCERTAINTY, name_of
 from tuning.reporting.console import BarProgress, Progress, SilentProgress, note

@@ -3,37 +3,28 @@
 import dataclasses
 import time
 from collections.abc import Sequence
-from concurrent.futures import Future
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-import jax
-import jax.numpy as jnp
-
+from jaxglider.core.kept.fingerprint import fingerprint
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.uncertainty.members import Uncertainty
+from tuning.api.judging import Judges, judged_result
 from tuning.api.results import TuneResult
-from tuning.evaluation.final_gradient import GradientProbe
-from tuning.evaluation.held_out import Judge, Judged, Verdict, compare_held_out
-from tuning.evaluation.robustness import Robustness, judge_robustness
-from tuning.gradient_check.statement import GradientStatement
 from tuning.problem.aggregates import AbstractAggregate
 from tuning.problem.arguments import instance, objective_of, refuse, texts, whole
-from tuning.problem.fingerprint import fingerprint
 from tuning.problem.objective import Cost, Weights
 from tuning.problem.objective_file import DEFAULT_WEIGHTS
 from tuning.problem.problem import TuningProblem
 from tuning.problem.spec import DEFAULT_UNCERTAINTY, EnsembleSpec, ProblemSpec
 from tuning.reporting.console import BarProgress, Progress, SilentProgress, note
 from tuning.reporting.output_folder import writing_to
-from tuning.search.adversarial import AdversarialRound, Adversary, refuse_rounds
-from tuning.search.beginning import beside
+from tuning.search.adversarial import Adversary, refuse_rounds
 from tuning.search.black_box import search_black_box
 from tuning.search.checkpoint import Checkpoint
-from tuning.search.descend import descend
+from tuning.search.descend import SearchOutcome, descend
 from tuning.search.settings import BlackBoxSettings, DescentSettings
-from tuning.search.stable import stable_choice
 from tuning.space.space import HELD_BY_DEFAULT
 
 
@@ -182,98 +173,28 @@ def solve(
     progress.clear()
     for text in problem.space.notes:
         note(text)
-    judges = _Judges(problem, check)
+    judges = Judges(problem, check)
+
+    def searched() -> SearchOutcome:
+        if method is not None:
+            return search_black_box(problem, method, settings, progress)
+        return descend(
+            problem,
+            settings,
+            progress,
+            adversary=adversary,
+            checkpoint=checkpoint,
+            resume=resume,
+            check=check,
+            meanwhile=judges.begin,
+        )
+
     try:
-        if method is None:
-            outcome = descend(
-                problem,
-                settings,
-                progress,
-                adversary=adversary,
-                checkpoint=checkpoint,
-                resume=resume,
-                check=check,
-                meanwhile=judges.begin,
-            )
-        else:
-            outcome = search_black_box(problem, method, settings, progress)
+        outcome = searched()
     finally:
         progress.clear()
-    progress.show("looking whether the loop is stable on its glides ...")
-    choice = stable_choice(problem, outcome.free, outcome.candidates)
-    searches: tuple[AdversarialRound, ...] = ()
-    if adversary is not None:
-        progress.show("searching for the worst members ...")
-        problem = adversary.joined(outcome.rounds)
-        number = outcome.history[-1].number
-        last = adversary.search(choice.free, number, outcome.rounds)
-        searches = (*outcome.rounds, last)
-    # By way of the host, off all devices but one: else judging would compile twice.
-    tuned = problem.space.write(problem.loop, jnp.asarray(jax.device_get(choice.free)))
-    verdict, gradient, robust = judges(tuned, progress)
-    remarks = [
-        *choice.remarks,
-        *([] if gradient is None else [gradient.text()]),
-        *([] if robust is None else robust.remarks()),
-    ]
-    progress.clear()
-    for text in remarks:
-        note(text)
-    return TuneResult(
-        problem=problem,
-        loop=tuned,
-        verdict=verdict,
-        history=outcome.history,
-        method="gradient" if method is None else method.method,
-        notes=(*problem.space.notes, *outcome.remarks, *remarks),
-        gradient=gradient,
-        robustness=robust,
-        searches=searches,
-        interrupted=outcome.interrupted,
-        seconds=time.monotonic() - begun,
-    )
-
-
-class _Judges:
-    """Judges of tuned gains: on held-out members, and if asked of their gradient too.
-
-    While a descent goes on on one core, they compile on the other.
-    """
-
-    def __init__(self, problem: TuningProblem, check: bool) -> None:
-        """Prepare.
-
-        Args:
-            problem: problem to solve.
-            check: whether to look at the gradient, other ticks and roundings.
-        """
-        self._problem, self._judge = problem, Judge(problem)
-        self._probe = GradientProbe(problem) if check else None
-        self._before: Future[Judged] | None = None
-
-    def begin(self) -> None:
-        """Judge the starting gains beside what else is done, compiling all."""
-        self._before = beside(self._at_start)
-
-    def _at_start(self) -> Judged:
-        judged = self._judge(self._problem.loop)
-        if self._probe is not None:
-            self._probe(self._problem.loop)
-        return judged
-
-    def __call__(
-        self, tuned: ClosedLoop, progress: Progress
-    ) -> tuple[Verdict, GradientStatement | None, Robustness | None]:
-        """The verdict on tuned gains, and what was asked for besides."""
-        progress.show("judging on held-out members ...")
-        begun = self._before
-        before = self._judge(self._problem.loop) if begun is None else begun.result()
-        verdict = compare_held_out(self._problem, before, self._judge(tuned))
-        if self._probe is None:
-            return verdict, None, None
-        gradient = self._probe(tuned)
-        progress.show("judging at other ticks and from other roundings ...")
-        return verdict, gradient, judge_robustness(self._judge, tuned)
+    name = "gradient" if method is None else method.method
+    return judged_result(problem, outcome, adversary, judges, progress, name, begun)
 
 
 def _checkpoint(

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Series
+from jaxglider.core.kept.programs import kept
 from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.gradient_check.statement import GradientStatement, gradient_statement
 from tuning.problem.members import nominal_member
@@ -28,8 +29,8 @@ class GradientProbe:
             return problem.exact_loss(free, member)
 
         self._problem = problem
-        self._slope = jax.jit(jax.value_and_grad(loss))
-        self._losses = jax.jit(lambda rows: map_members(loss, rows))
+        self._slope = kept(jax.value_and_grad(loss))
+        self._losses = kept(lambda rows: map_members(loss, rows))
 
     def __call__(self, loop: ClosedLoop) -> GradientStatement:
         """The statement on the gradient at the gains of a closed loop."""

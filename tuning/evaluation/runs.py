@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import functools
 import math
 import os
 import sys
@@ -10,6 +11,7 @@ from typing import Any
 
 import jax
 
+from jaxglider.core.kept.programs import kept
 from jaxglider.files.results import json_number, metrics_dict, write_trajectories
 from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import provenance, write_json, write_text
@@ -101,7 +103,7 @@ def run_all(
     Returns:
         The runs made, and whether they were interrupted.
     """
-    run = jax.jit(simulate, static_argnames="keep_every")
+    run = kept(functools.partial(simulate, keep_every=keep_every))
     progress, done = Progress(), []
     try:
         for number, entry in enumerate(entries, 1):
@@ -111,11 +113,9 @@ def run_all(
             )
             key, scenario = jax.random.key(seed), entry.loop.scenario
             sea, noise = scenario.sea(key), scenario.noise(key)
-            flown = jax.device_get(
-                run(entry.loop, sea, noise=noise, keep_every=keep_every)
-            )
-            kept = until_failure(entry.loop, sea, flown, keep_every, noise=noise)
-            done.append(FinishedRun(entry, *kept))
+            flown = jax.device_get(run(entry.loop, sea, noise))
+            until = until_failure(entry.loop, sea, flown, keep_every, noise=noise)
+            done.append(FinishedRun(entry, *until))
     except KeyboardInterrupt:
         return done, True
     finally:

@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.core.batching import map_members
+from jaxglider.core.kept.programs import kept
 from jaxglider.signals import CHANNELS
 from jaxglider.simulation.metrics import Metrics
 from tuning.gradient_check.probe import REALISTIC, Kind, Probe, difference_points, judge
@@ -146,7 +147,7 @@ def check_gradient(
     scales = np.broadcast_to(np.asarray(scale, dtype=float), centre.shape)
     scatter = np.random.default_rng(0).standard_normal((copies, centre.size))
     around = np.concatenate([centre[None], centre + spread * scales * scatter])
-    slope = jax.jit(lambda points: map_members(jax.value_and_grad(loss), points))
+    slope = kept(lambda points: map_members(jax.value_and_grad(loss), points))
     _, gradients = jax.device_get(slope(jnp.asarray(around, free.dtype)))
     probe = _probe(loss, centre, sizes, scales, np.asarray(gradients[0]), block)
     shares = _shares(names, saturated)
@@ -185,7 +186,7 @@ def _probe(
 ) -> Probe:
     """Losses at all points that the differences need, beside the gradient."""
     points = difference_points(centre, sizes, scales)
-    run = jax.jit(lambda x: map_members(loss, x, block=block))
+    run = kept(lambda x: map_members(loss, x, block=block))
     losses = np.asarray(run(jnp.asarray(points)))
     return Probe.of(losses, points, sizes, scales, gradient)
 

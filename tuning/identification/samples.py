@@ -4,11 +4,11 @@ import copy
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxglider.core.kept.programs import kept
 from tuning.identification.glider import IdentifiedGlider, with_values
 from tuning.identification.information.least_squares import Rows
 from tuning.identification.parameters import FreeParameter, value_at
@@ -122,7 +122,7 @@ class Linearised:
         )
 
 
-@eqx.filter_jit
+@kept
 def _linearise(
     x: jax.Array,
     starts: jax.Array,
@@ -152,7 +152,7 @@ def _linearise(
     return chosen, slopes
 
 
-@eqx.filter_jit
+@kept
 def predicted(kind: str, glider: IdentifiedGlider, windows: Windows) -> dict[str, Any]:
     """Predicted channels, compiled once for each shape.
 

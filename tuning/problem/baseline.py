@@ -20,6 +20,7 @@ import jax.numpy as jnp
 
 from jaxglider.control import AbstractController
 from jaxglider.core.containers import Scalar
+from jaxglider.core.kept.programs import kept
 from jaxglider.files.codec import FAMILIES
 from jaxglider.signals import Channels, map_fields
 from jaxglider.simulation.closed_loop import ClosedLoop
@@ -50,7 +51,7 @@ def nominal_metrics(loop: ClosedLoop) -> Metrics:
     return found
 
 
-_evaluate = jax.jit(evaluate)
+_evaluate = kept(evaluate)
 
 
 def baseline_metrics(

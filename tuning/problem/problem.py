@@ -8,6 +8,7 @@ import jax
 
 from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Series
+from jaxglider.core.kept.programs import kept
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.metrics import Metrics
 from jaxglider.simulation.rollout import evaluate, sparse_checkpoints
@@ -130,10 +131,10 @@ class TuningProblem:
     def losses_on(self, members: Member) -> Callable[[Any], Series]:
         """Compiled: the objective of each row of free numbers on some members."""
         how = self.spec.aggregate, self.cost_scale, jax.devices()
-        return jax.jit(lambda rows: losses(self.loss, rows, members, *how))
+        return kept(lambda rows: losses(self.loss, rows, members, *how))
 
 
-@jax.jit
+@kept
 def assess_members(loop: ClosedLoop, members: Member) -> tuple[Metrics, Witness]:
     """Metrics and witness of a closed loop on each of some members.
 

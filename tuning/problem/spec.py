@@ -5,6 +5,7 @@ import math
 from typing import Any
 
 from jaxglider.control import AbstractController
+from jaxglider.core.kept.fingerprint import fingerprint
 from jaxglider.files.codec import FAMILIES
 from jaxglider.signals import BodyAxes
 from jaxglider.simulation.closed_loop import ClosedLoop
@@ -14,7 +15,6 @@ from jaxglider.uncertainty.quantities import uniform_uncertainty
 from tuning.problem.aggregates import MEAN, AbstractAggregate
 from tuning.problem.arguments import closed_loop, half_width, real, whole
 from tuning.problem.case import FlightCase
-from tuning.problem.fingerprint import fingerprint
 from tuning.problem.gain_sets import PAPER
 from tuning.problem.objective import Cost, Weights
 from tuning.problem.objective_file import DEFAULT_WEIGHTS

@@ -25,21 +25,12 @@ import jax
 import jax.numpy as jnp
 import jax.random as jr
 import numpy as np
-from jax import lax
 
-from jaxglider.core.batching import map_members
 from jaxglider.core.containers import Series
-from jaxglider.core.differentiation import value_and_gradient
+from jaxglider.core.kept.programs import kept
 from tuning.problem.aggregates import MEAN, AbstractAggregate
-from tuning.problem.lanes import (
-    FAILED_COST,
-    Loss,
-    as_lanes,
-    member_count,
-    member_losses,
-    saturate_cost,
-    scattered,
-)
+from tuning.problem.ensemble_gradient import EnsembleGradient
+from tuning.problem.lanes import FAILED_COST, Loss, member_count
 from tuning.problem.objective import DEFAULT_COST_SCALE
 from tuning.search.settings import (
     DescentSettings,
@@ -82,13 +73,23 @@ class Descent:
             devices: devices to spread the members over.
         """
         self.settings = settings
-        self._loss, self._surrogate = loss, surrogate_loss or loss
-        self._aggregate = aggregate
-        self._cost_scale, self._devices = cost_scale, devices
+        self._cost_scale = cost_scale
         self._members = training, validation
         self._optimiser = make_optimiser(settings.optimiser)
         # The costly part is one program, for the start and for every step.
-        self._evaluate_jit = jax.jit(self._evaluate)
+        self._ensemble = EnsembleGradient(
+            loss,
+            surrogate_loss or loss,
+            aggregate,
+            cost_scale,
+            settings.batch_of(member_count(training), aggregate),
+            settings.copies,
+            settings.spread,
+            settings.steepest,
+            settings.seed,
+            devices,
+        )
+        self._evaluate_jit = kept(self._ensemble)
         self._propose_jit = jax.jit(self._propose)
         self._accept_jit = jax.jit(self._accept)
 
@@ -164,8 +165,7 @@ class Descent:
     @property
     def deals(self) -> int:
         """Steps in which every member has its turn in the gradient."""
-        count = member_count(self._members[0])
-        return count // self.settings.batch_of(count, self._aggregate)
+        return self._ensemble.deals(self._members[0])
 
     def _first_state(self, free: jax.Array) -> State:
         number = jnp.asarray(0, jnp.int32)
@@ -185,24 +185,8 @@ class Descent:
 
     def _evaluate_at(self, free: jax.Array, number: jax.Array) -> Evaluation:
         """By way of the host: what lies on several devices would compile anew."""
-        outcome: Evaluation = self._evaluate_jit(
-            *jax.device_get((free, number)), self._members
-        )
-        return outcome
-
-    def _evaluate(
-        self, free: jax.Array, number: jax.Array, members: tuple[Any, Any]
-    ) -> Evaluation:
-        """Objective on all members and a gradient at the free numbers of each row."""
-        slope, usable = self._gradients(free, number, members[0])
-        count = member_count(members[0])
-        both = jax.tree.map(lambda *x: jnp.concatenate(x), *members)
-        values = member_losses(self._loss, free, both, self._cost_scale, self._devices)
-        loss, validation = (
-            jax.vmap(self._aggregate)(part)[0]
-            for part in (values[:, :count], values[:, count:])
-        )
-        return Evaluation(loss=loss, slope=slope, validation=validation, usable=usable)
+        rows, step = jax.device_get((free, number))
+        return Evaluation(*self._evaluate_jit(rows, step, self._members))
 
     def _propose(self, state: State) -> Proposal:
         """The next step: the optimiser's update at the rate in force."""
@@ -240,47 +224,6 @@ class Descent:
             blind=jnp.where(outcome.usable | refused, 0, state.blind + 1),
         )
         return following, refused
-
-    def _gradients(
-        self, free: jax.Array, number: jax.Array, members: Any
-    ) -> tuple[jax.Array, jax.Array]:
-        """Gradient of each row on some members, over scattered copies.
-
-        And whether it is of any lane at all.
-        """
-        members = self._batch(number, members)
-        count = member_count(members)
-        lanes = count * -(-self.settings.copies // count)
-        key = jr.fold_in(jr.key(self.settings.seed), number)
-        copies = jax.vmap(lambda x: scattered(x, key, lanes, self.settings.spread))(
-            free
-        )
-        slope_of = value_and_gradient(self._surrogate, members=free.shape[0] * lanes)
-        values, slopes = map_members(
-            lambda lane: slope_of(*lane),
-            as_lanes(copies, members),
-            devices=self._devices,
-        )
-        values = values.reshape(-1, lanes)
-        norm = jnp.linalg.norm(slopes, axis=1, keepdims=True)
-        limit = self.settings.steepest * self._cost_scale
-        weighed = slopes * jnp.minimum(limit / norm, 1.0) ** 2
-        usable = jnp.isfinite(norm) & jnp.isfinite(values.reshape(-1, 1))
-        weighed = jnp.where(usable, weighed, 0.0).reshape(-1, lanes, free.shape[1])
-        _, weights = jax.vmap(self._aggregate)(saturate_cost(values, self._cost_scale))
-        slope = jnp.sum(weights[:, :, None] * weighed, axis=1)
-        return slope, jnp.any(usable.reshape(-1, lanes), axis=1)
-
-    def _batch(self, number: jax.Array, members: Any) -> Any:
-        """The members of a step: the ensemble is dealt out anew once all had a turn."""
-        count = member_count(members)
-        batch = self.settings.batch_of(count, self._aggregate)
-        if batch == count:
-            return members
-        key = jr.fold_in(jr.key(self.settings.seed), 2**30 + number // self.deals)
-        order = jr.permutation(key, count)
-        chosen = lax.dynamic_slice(order, (number % self.deals * batch,), (batch,))
-        return jax.tree.map(lambda x: x[chosen], members)
 
 
 def _select(flags: jax.Array, yes: Any, no: Any) -> Any:

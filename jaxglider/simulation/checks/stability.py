@@ -20,6 +20,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
+from jaxglider.core.kept.programs import kept
 from jaxglider.environment.disturbances import Calm
 from jaxglider.guidance import AttitudeSchedule, Schedule
 from jaxglider.signals import BodyAxes, zeros
@@ -224,7 +225,7 @@ def _on_glide(loop: ClosedLoop, glide: Glide) -> ClosedLoop:
     return dataclasses.replace(loop, scenario=scenario, estimator=None)
 
 
-_steady_motion = eqx.filter_jit(steady_motion)
+_steady_motion = kept(steady_motion)
 
 
 def _derivative(
@@ -245,7 +246,7 @@ def _derivative(
     return ((ahead - behind) / (2.0 * steps[:, None])).T
 
 
-@eqx.filter_jit
+@kept
 def _advanced(
     loop: ClosedLoop, rows: Float[Array, "k m"], span: Int[Array, "3"]
 ) -> Float[Array, "k m"]:

@@ -18,6 +18,8 @@ def start_jax(precision: int, *, every_core: bool = False) -> None:
     enable_fast_loops()
     import jax
 
+    from jaxglider.core.kept.programs import keep_programs
+
     # Tracing makes objects by the million; looking through all that were imported, each
     # few hundred of them, took a sixth of its time and found nothing.
     gc.freeze()
@@ -37,6 +39,7 @@ def start_jax(precision: int, *, every_core: bool = False) -> None:
             )
         else:
             jax.config.update("jax_compilation_cache_dir", str(folder / "programs"))
+            keep_programs(folder / "traces")
     if "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS" not in os.environ:
         # Small programs too: a hundred of them take seconds of every start.
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

@@ -1,0 +1,1 @@
+"""Programs kept on disk, and the digests by which they are found again."""
