@@ -120,6 +120,20 @@ def test_code_that_leans_on_unknown_files_is_not_kept(folder, monkeypatch):
     assert not folder.exists()
 
 
+def test_what_jax_cannot_write_down_is_traced_as_ever(folder):
+    def called_back(x):
+        return jax.pure_callback(np.sin, jax.typeof(x), x)
+
+    np.testing.assert_allclose(anew(called_back, X), np.sin(X), rtol=1e-6)
+    assert not folder.exists()
+
+    def wrong(x):
+        raise ValueError("a fault of its own")
+
+    with pytest.raises(ValueError, match="a fault of its own"):
+        anew(wrong, X)
+
+
 @pytest.mark.parametrize("value", ["0", "1"])
 def test_keeping_is_switched_off_by_the_environment(folder, monkeypatch, value):
     monkeypatch.setenv(programs.SWITCH, value)

@@ -5,8 +5,8 @@ through a closed loop that takes ten times as long as what is left to do. A kept
 is the traced one, in the portable form of `jax.export`. It is found by a digest of all
 that it is made of: the source of this project, versions, flags, the configuration of
 JAX, the function with every value that it holds, and structure and types of its
-arguments. What cannot be told so is traced as ever: a law or cost of the user's own,
-anything within another trace.
+arguments. What cannot be told so, or not be written down, is traced as ever: a law or
+cost of the user's own, anything within another trace, a call back to Python.
 
 Nothing is kept unless `keep_programs` names a folder. The commands do.
 """
@@ -67,7 +67,7 @@ def kept(function: F) -> F:
         function: pure function of pytrees; what in them is no array is static.
     """
     compiled, partly_static = jax.jit(function), eqx.filter_jit(function)
-    known: dict[str, Callable[..., Any]] = {}
+    known: dict[str, Callable[..., Any] | None] = {}
     content: list[str | None] = []
 
     @functools.wraps(function)
@@ -83,8 +83,12 @@ def kept(function: F) -> F:
         if digest is None:
             return usual(*arguments)
         if digest not in known:
-            known[digest] = _program(function, digest, dynamic, static)
-        return known[digest](leaves)
+            try:
+                known[digest] = _program(function, digest, dynamic, static)
+            except Exception:  # not to be written down; its own errors come again
+                known[digest] = None
+        program = known[digest]
+        return usual(*arguments) if program is None else program(leaves)
 
     call.compiled = compiled  # type: ignore[attr-defined]
     return cast(F, call)
