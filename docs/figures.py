@@ -6,34 +6,28 @@ sheet again and compares it with images/figures.png: nobody has to fly for it.
 """
 
 import argparse
-import dataclasses
 import functools
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from recording import keep, kept
 
 import jaxglider
 from jaxglider import paper
-from jaxglider.control.prescribed.funnel import Limits
 from jaxglider.files.flight.missions import mission_path
 from jaxglider.files.mission import build_mission, load_mission
 from jaxglider.files.user_law import label_of
 from jaxglider.plotting import figures
 from jaxglider.plotting.style import look
-from jaxglider.signals import CHANNELS, BodyAxes, Channels, Command, GliderState
 from jaxglider.simulation.checks.past import before, first_nonsense
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.metrics import empty_sums, finish
 from jaxglider.simulation.rollout import Trajectory
-from jaxglider.simulation.tick import TickRecord
-from jaxglider.vehicle.energy import Consumers
+from tuning.reporting.tables import headline
 
 HERE = Path(__file__).parent
 RECORDED, SHEET = HERE / "recorded", HERE / "images" / "figures.png"
@@ -41,14 +35,6 @@ SIDE, COLUMNS = 330, 5
 """Side of a cell of the sheet [pixels], and number of cells in a row."""
 
 
-_KINDS: dict[str, Any] = {
-    "state": GliderState,
-    **dict.fromkeys(("reference", "error", "surface"), Channels),
-    **dict.fromkeys(("limits", "law_limits"), Channels),
-    **dict.fromkeys(("wanted", "applied"), Command),
-    **dict.fromkeys(("estimate", "lumped", "disturbance"), BodyAxes),
-    "energy": Consumers,
-}
 _TURNING = {
     "start_s": [0.0, 10.0],
     "gliding_angle_deg": [-30.0, -30.0],
@@ -71,9 +57,17 @@ def flights() -> dict[str, tuple[str, int, dict[str, ClosedLoop]]]:
         }
     )
     return {
-        "course": ("waypoints on rigid-body", 50, course),
-        "yos": ("slocum-shallow on seawing", 5, {yos.controller: yos.loop}),
-        "failed": ("tick of 5 s on rigid-body", 1, {dead.controller: dead.loop}),
+        "course": (headline("waypoints", "SeaWing", "rigid-body"), 50, course),
+        "yos": (
+            headline("slocum-shallow", yos.vehicle, yos.plant),
+            5,
+            {yos.controller: yos.loop},
+        ),
+        "failed": (
+            headline("tick of 5 s", dead.vehicle, dead.plant),
+            1,
+            {dead.controller: dead.loop},
+        ),
     }
 
 
@@ -88,49 +82,12 @@ def record() -> None:
             culprit = first_nonsense(trajectory, 0.0)
             if culprit is not None:
                 trajectory = before(trajectory, culprit.tick)
-            columns = dict(_columns("", trajectory.ticks))
-            np.savez_compressed(RECORDED / f"{name}-{law}.npz", **columns)
-
-
-def _columns(path: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
-    """Path and values of each column of a record; counts and flags as they are."""
-    if dataclasses.is_dataclass(value):
-        for field in dataclasses.fields(value):
-            inner = getattr(value, field.name)
-            yield from _columns(f"{path}.{field.name}".strip("."), inner)
-    elif value is not None:
-        array = np.asarray(value)
-        single = np.issubdtype(array.dtype, np.floating)
-        yield path, array.astype(np.float32) if single else array
+            keep(RECORDED / f"{name}-{law}.npz", trajectory)
 
 
 def recorded(name: str, law: str) -> Trajectory:
     """A flight as it was recorded; its metrics are empty."""
-    with np.load(RECORDED / f"{name}-{law}.npz") as file:
-        columns = {key: jnp.asarray(value) for key, value in file.items()}
-    ticks = jax.vmap(_tick)(columns)
-    zero, start = jnp.zeros(()), GliderState.at_rest()
-    metrics = finish(empty_sums(zero), start, jnp.asarray(0), zero + 1.0)
-    return Trajectory(ticks, metrics)
-
-
-def _tick(columns: dict[str, Any]) -> TickRecord:
-    """One record from its columns by their paths."""
-    numbers = {key: x for key, x in columns.items() if "." not in key}
-    parts = {key: _part(key, columns) for key in _KINDS}
-    return TickRecord(**{"phase": None} | numbers | parts)
-
-
-def _part(key: str, columns: Mapping[str, Any]) -> Any:
-    """A container of a record."""
-    start = f"{key}."
-    own = {k[len(start) :]: x for k, x in columns.items() if k.startswith(start)}
-    if not own:
-        return None
-    if key.endswith("limits"):
-        edges = {c: Limits(own[f"{c}.lower"], own[f"{c}.upper"]) for c in CHANNELS}
-        return Channels(**edges)
-    return _KINDS[key](**own)
+    return kept(RECORDED / f"{name}-{law}.npz")
 
 
 def cells() -> Iterator[tuple[str, np.ndarray]]:

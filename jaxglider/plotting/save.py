@@ -57,7 +57,8 @@ def figures(
     Args:
         scenario: scenario of all the runs.
         runs: label to trajectory.
-        functions: performance functions to compare; the published forms by default.
+        functions: performance functions to compare; the published forms by default,
+            no such figure if empty.
         title: name of what was flown, such as case and plant; stands above figures.
     """
     runs = {label: scenario.origin.on_the_map(run) for label, run in runs.items()}
@@ -91,7 +92,8 @@ def save_all(
         scenario: scenario of all the runs.
         runs: label to trajectory.
         formats: file endings that Matplotlib knows.
-        functions: performance functions to compare; the published forms by default.
+        functions: performance functions to compare; the published forms by default,
+            no such figure if empty.
         title: name of what was flown, such as case and plant; stands above figures.
 
     Returns:
@@ -136,8 +138,10 @@ def _builders(
         path = on_the_map(path, scenario.origin)
     horizon = scenario.clock.ticks * float(scenario.clock.dt)
     shapes = published_functions() if functions is None else functions
-    builders: dict[str, Callable[[], Figure]] = {
-        "performance_functions": lambda: _performance(shapes, horizon),
+    builders: dict[str, Callable[[], Figure]] = {}
+    if shapes:
+        builders["performance_functions"] = lambda: _performance(shapes, horizon)
+    builders |= {
         "tracking": lambda: _stacked(lambda axes: tracking(axes, runs)),
         "errors": lambda: _stacked(lambda axes: errors(axes, runs)),
         "commands": lambda: _stacked(

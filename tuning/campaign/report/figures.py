@@ -156,7 +156,9 @@ def scatter(
         colour: colour of the points.
     """
     known = np.isfinite(severity)
-    axis.scatter(values[known], severity[known], s=3.0, color=colour, alpha=0.5, lw=0.0)
+    # A few dots are to be seen, thousands to be told apart.
+    size = np.clip(1500.0 / max(len(severity), 1), 3.0, 15.0)
+    axis.scatter(values[known], severity[known], size, color=colour, alpha=0.5, lw=0.0)
     if np.any(~known):
         top = np.full(np.sum(~known), axis.get_ylim()[1])
         axis.plot(values[~known], top, "x", color=INK, ms=4.0, label="not finite")
