@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.control.prescribed.funnel import Limits
+from jaxglider.navigation.navigator import OnBoard
+from jaxglider.navigation.sensing.readings import Sensed
 from jaxglider.signals import CHANNELS, BodyAxes, Channels, Command, GliderState
 from jaxglider.simulation.metrics import empty_sums, finish
 from jaxglider.simulation.rollout import Trajectory
@@ -24,6 +26,8 @@ _KINDS: dict[str, Any] = {
     **dict.fromkeys(("estimate", "lumped", "disturbance"), BodyAxes),
     "energy": Consumers,
 }
+_PAIRS = ("current", "fix")
+"""What is known on board as north and east."""
 
 
 def keep(path: Path, run: Trajectory) -> None:
@@ -37,6 +41,9 @@ def _columns(path: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
         for field in dataclasses.fields(value):
             inner = getattr(value, field.name)
             yield from _columns(f"{path}.{field.name}".strip("."), inner)
+    elif isinstance(value, tuple):
+        for number, inner in enumerate(value):
+            yield from _columns(f"{path}.{number}", inner)
     elif value is not None:
         array = np.asarray(value)
         single = np.issubdtype(array.dtype, np.floating)
@@ -57,13 +64,28 @@ def _tick(columns: dict[str, Any]) -> TickRecord:
     """One record from its columns by their paths."""
     numbers = {key: x for key, x in columns.items() if "." not in key}
     parts = {key: _part(key, columns) for key in _KINDS}
-    return TickRecord(**{"phase": None} | numbers | parts)
+    onboard = _onboard(_below("onboard", columns))
+    return TickRecord(**{"phase": None} | numbers | parts, onboard=onboard)
+
+
+def _below(key: str, columns: Mapping[str, Any]) -> dict[str, Any]:
+    """Columns of a part, by their paths within it."""
+    start = f"{key}."
+    return {k[len(start) :]: x for k, x in columns.items() if k.startswith(start)}
+
+
+def _onboard(columns: Mapping[str, Any]) -> OnBoard | None:
+    """What was known on board, where there were sensors."""
+    if not columns:
+        return None
+    estimate, shown = (_below(key, columns) for key in ("estimate", "shown"))
+    current, fix = ((columns[f"{key}.0"], columns[f"{key}.1"]) for key in _PAIRS)
+    return OnBoard(GliderState(**estimate), Sensed(**shown), current, fix)
 
 
 def _part(key: str, columns: Mapping[str, Any]) -> Any:
     """A container of a record."""
-    start = f"{key}."
-    own = {k[len(start) :]: x for k, x in columns.items() if k.startswith(start)}
+    own = _below(key, columns)
     if not own:
         return None
     if key.endswith("limits"):

@@ -25,6 +25,7 @@ from jaxglider.plotting.series import (
 from jaxglider.plotting.style import (
     INK,
     PAGE,
+    entitle,
     flat,
     legend_above,
     look,
@@ -84,7 +85,8 @@ def dive(
     ticks = jax.tree.map(lambda x: np.asarray(x)[span], run.ticks)
     minutes = (drawable(ticks.time) - float(ticks.time[0])) / MINUTE
     _panels(axes, ticks, minutes, "time (min)", actuators)
-    flat(axes, PANELS, "dive")[0].figure.suptitle(title)
+    figure: Any = flat(axes, PANELS, "dive")[0].figure
+    entitle(figure, title)
     return axes
 
 

@@ -12,6 +12,7 @@ from jaxglider.plotting.style import (
     INK,
     PAGE,
     distinct_styles,
+    entitle,
     legend_above,
     look,
     new_figure,
@@ -150,5 +151,5 @@ def glide_figure(
         polar(left, plant, [limit / 4, limit / 2, limit], motion)
         eigenvalues(middle, analysis)
         reach(right, analysis)
-        figure.suptitle(f"trim: {vehicle.name} ({name})")
+        entitle(figure, f"trim: {vehicle.name} ({name})")
     return figure

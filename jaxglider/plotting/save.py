@@ -30,7 +30,7 @@ from jaxglider.plotting.path import (
 )
 from jaxglider.plotting.performance import performance_functions, settling_time
 from jaxglider.plotting.series import active_ticks
-from jaxglider.plotting.style import COLUMN, PAGE, look, new_figure, styles
+from jaxglider.plotting.style import COLUMN, PAGE, entitle, look, new_figure, styles
 from jaxglider.plotting.vehicle import disturbance_estimate, vehicle_state
 from jaxglider.simulation.rollout import Trajectory
 from jaxglider.simulation.scenario import Scenario
@@ -74,7 +74,7 @@ def _entitle(figure: Figure, title: str, runs: Mapping[str, Trajectory]) -> None
     if not title or not runs:
         return
     law = figure.get_suptitle() or (next(iter(runs)) if len(runs) == 1 else "")
-    figure.suptitle(f"{title}, {law}" if law else title)
+    entitle(figure, f"{title}, {law}" if law else title)
 
 
 def save_all(
@@ -209,6 +209,7 @@ def _performance(
     settled = [settling_time(function, horizon) for function in functions.values()]
     duration = min(1.2 * max(settled, default=horizon), horizon)
     performance_functions(figure.subplots(), functions, duration)
+    entitle(figure, "performance functions")
     return figure
 
 
@@ -230,7 +231,7 @@ def _from_above(runs: Mapping[str, Trajectory], path: WaypointPath | None) -> Fi
 
 def _estimate(label: str, run: Trajectory, colour: str) -> Figure:
     figure = new_figure(PAGE, 3.8)
-    figure.suptitle(label)
+    entitle(figure, label)
     axes = figure.subplots(2, 3, sharex=True)
     disturbance_estimate(axes, run, label, colour)
     figure.align_ylabels()
@@ -239,7 +240,7 @@ def _estimate(label: str, run: Trajectory, colour: str) -> Figure:
 
 def _flight(label: str, run: Trajectory, scenario: Scenario) -> Figure:
     figure = new_figure(PAGE, 8.6)
-    figure.suptitle(label)
+    entitle(figure, label)
     flight(figure.subplots(6, 1, sharex=True), run, scenario.actuators)
     figure.align_ylabels()
     return figure
@@ -253,21 +254,21 @@ def _along(runs: Mapping[str, Trajectory]) -> Figure:
 
 def _energy(label: str, run: Trajectory) -> Figure:
     figure = new_figure(COLUMN, 3.2)
-    figure.suptitle(label)
+    entitle(figure, label)
     energy(figure.subplots(), run)
     return figure
 
 
 def _reckoned(label: str, run: Trajectory, path: WaypointPath | None) -> Figure:
     figure = new_figure(COLUMN, 4.0)
-    figure.suptitle(label)
+    entitle(figure, label)
     reckoned_map(figure.subplots(), run, path)
     return figure
 
 
 def _estimated(label: str, run: Trajectory) -> Figure:
     figure = new_figure(PAGE, 6.4)
-    figure.suptitle(label)
+    entitle(figure, label)
     estimates(figure.subplots(4, 1, sharex=True), run)
     figure.align_ylabels()
     return figure
@@ -275,6 +276,6 @@ def _estimated(label: str, run: Trajectory) -> Figure:
 
 def _sheet(label: str, run: Trajectory, colour: str) -> Figure:
     figure = new_figure(PAGE, 7.4)
-    figure.suptitle(label)
+    entitle(figure, label)
     vehicle_state(figure.subplots(5, 3, sharex=True), run, colour)
     return figure

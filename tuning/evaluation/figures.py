@@ -12,9 +12,11 @@ from jaxglider.plotting.style import (
     COLUMN,
     INK,
     distinct_styles,
+    entitle,
     legend_above,
     look,
     new_figure,
+    plain_numbers,
 )
 from jaxglider.simulation.rollout import Trajectory
 from tuning.problem.problem import TuningProblem
@@ -43,20 +45,20 @@ def tuning_figures(
     with look():
         figure = new_figure(COLUMN, 2.6)
         draw_objective(figure.subplots(), history)
-        figure.suptitle(title)
+        entitle(figure, title)
     yield "objective", figure
     with look():
         figure = new_figure(COLUMN, 3.4)
         axes = figure.subplots()
         draw_gains(axes, history, gains)
         legend_above(axes, axes.get_legend_handles_labels()[0])
-        figure.suptitle(title)
+        entitle(figure, title)
     yield "gains", figure
     with look():
         figure = new_figure(COLUMN, 4.6)
         errors(figure.subplots(3, sharex=True), runs)
         figure.align_ylabels()
-        figure.suptitle(title)
+        entitle(figure, title)
     yield "errors", figure
 
 
@@ -129,6 +131,7 @@ def draw_gains(
             ls=style.dashes,
             label=names[column],
         )
+    plain_numbers(axes.yaxis)
     some = "" if len(names) <= _MOST else f"\n({_MOST} of {len(names)}, moved most)"
     axes.set(xlabel="step", ylabel=f"gain over its start{some}")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

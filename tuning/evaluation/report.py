@@ -5,6 +5,7 @@ import io
 from pathlib import Path
 from typing import Any
 
+from jaxglider.files.user_law import label_of
 from jaxglider.files.writing import write_text
 from jaxglider.plotting.save import save
 from jaxglider.signals import CHANNEL_UNITS
@@ -137,7 +138,7 @@ def write_tuning_report(
         tuned: closed loop with the tuned gains.
         runs: nominal runs `before` and `after`, on the host.
     """
-    title = f"{problem.spec.case.headline}, {problem.spec.controller}"
+    title = f"{problem.spec.case.headline}, {label_of(problem.spec.controller)}"
     gains = gains_of(problem, history)
     for name, drawn in tuning_figures(title, history, gains, runs):
         save(drawn, out / f"{name}.png")

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from jaxglider.plotting.style import (
     COLUMN,
     PAGE,
+    entitle,
     legend_above,
     look,
     new_figure,
@@ -42,34 +43,34 @@ def campaign_figures(
     with look():
         figure = new_figure(COLUMN, 2.8)
         figures.convergence(figure.subplots(), table)
-        figure.suptitle(title)
+        entitle(figure, title)
     yield "convergence", figure
     with look():
         figure = new_figure(PAGE, 2.6)
         figures.distributions(figure.subplots(1, 3, sharey=True), table)
-        figure.suptitle(title)
+        entitle(figure, title)
     yield "distributions", figure
     with look():
         figure = _scatter(units, table, summary)
-        figure.suptitle(title)
+        entitle(figure, title)
     yield "scatter", figure
     with look():
         figure = _correlation_bars(summary)
-        figure.suptitle(title)
+        entitle(figure, title)
     yield "rank_correlations", figure
     pairs = zip(summary.controllers.items(), styles(table.labels).values(), strict=True)
     for number, ((label, controller), style) in enumerate(pairs):
         if controller.sensitivity is not None:
             with look():
                 figure = sobol_figure(controller.sensitivity)
-                figure.suptitle(f"{title}, {label}")
+                entitle(figure, f"{title}, {label}")
             yield f"sobol_{number}", figure
         with look():
             figure = new_figure(COLUMN, 4.6)
             axes = figure.subplots(3, 1, sharex=True)
             figures.draw_ribbons(axes, shown[number], style.colour)
             figure.align_ylabels()
-            figure.suptitle(f"{title}, {label}")
+            entitle(figure, f"{title}, {label}")
         yield f"ribbons_{number}", figure
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from jaxglider.files.writing import write_json, write_text
 from jaxglider.plotting.save import save
-from jaxglider.plotting.style import COLUMN, look, new_figure
+from jaxglider.plotting.style import COLUMN, entitle, look, new_figure
 from tuning.campaign.analysis.bisection import Threshold
 from tuning.campaign.analysis.rank_correlations import SEVERITY
 from tuning.campaign.analysis.summary import CampaignSummary, ControllerSummary
@@ -136,12 +136,12 @@ def level_figures(
     with look():
         figure = new_figure(COLUMN, 2.8)
         figures.levels(figure.subplots(), summaries)
-        figure.suptitle(title)
+        entitle(figure, title)
     yield "levels", figure
     with look():
         figure = new_figure(COLUMN, 2.8)
         figures.specification(figure.subplots(), summaries, threshold)
-        figure.suptitle(title)
+        entitle(figure, title)
     yield "specification", figure
 
 

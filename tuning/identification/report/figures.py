@@ -8,6 +8,7 @@ from jaxglider.plotting.style import (
     INK,
     PAGE,
     distinct_styles,
+    entitle,
     legend_above,
     look,
     new_figure,
@@ -48,7 +49,7 @@ def fit_figure(fit: Fit, verdict: Verdict) -> Figure:
         legend_above(axes[1], axes[1].get_legend_handles_labels()[0])
         figure.align_ylabels()
         numbers = ", ".join(str(n) for n in shown)
-        figure.suptitle(f"{_title(fit)}: held-out dives {numbers}")
+        entitle(figure, f"{_title(fit)}: held-out dives {numbers}")
     return figure
 
 
@@ -123,7 +124,7 @@ def residuals_figure(fit: Fit, verdict: Verdict) -> Figure:
                 axis.set_xlabel(title if name == names[-1] else "")
             row[0].set_ylabel(label)
         legend_above(grid[0, -1], grid[0, -1].get_legend_handles_labels()[0])
-        figure.suptitle(f"{_title(fit)}: simulated less measured, held-out dives")
+        entitle(figure, f"{_title(fit)}: simulated less measured, held-out dives")
     return figure
 
 

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from jaxglider.plotting.style import (
     PAGE,
     distinct_styles,
+    entitle,
     legend_above,
     look,
     new_figure,
@@ -40,7 +41,7 @@ def record_figure(record: FlightRecord) -> Figure:
             _panel(axis, record, names, factor, begin)
         axes[-1].set_xlabel("time (h)")
         figure.align_ylabels()
-        figure.suptitle(f"{record.name}, {record.kind}")
+        entitle(figure, f"{record.name}, {record.kind}")
     return figure
 
 
