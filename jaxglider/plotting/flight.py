@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from jaxglider.files.writing import replacing
 from jaxglider.guidance.phases import PHASES
-from jaxglider.plotting.lines import UNITS
+from jaxglider.plotting.lines import UNITS, entitle
 from jaxglider.plotting.series import (
     active_ticks,
     break_jumps,
@@ -25,7 +25,6 @@ from jaxglider.plotting.series import (
 from jaxglider.plotting.style import (
     INK,
     PAGE,
-    entitle,
     flat,
     legend_above,
     look,

@@ -21,6 +21,7 @@ from jaxglider.guidance.routes import route_of
 from jaxglider.plotting.commands import commands
 from jaxglider.plotting.comparison import errors, tracking
 from jaxglider.plotting.flight import energy, flight
+from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.navigation import estimates, reckoned_map
 from jaxglider.plotting.path import (
     depth_over_distance,
@@ -30,7 +31,7 @@ from jaxglider.plotting.path import (
 )
 from jaxglider.plotting.performance import performance_functions, settling_time
 from jaxglider.plotting.series import active_ticks
-from jaxglider.plotting.style import COLUMN, PAGE, entitle, look, new_figure, styles
+from jaxglider.plotting.style import COLUMN, PAGE, look, new_figure, styles
 from jaxglider.plotting.vehicle import disturbance_estimate, vehicle_state
 from jaxglider.simulation.rollout import Trajectory
 from jaxglider.simulation.scenario import Scenario

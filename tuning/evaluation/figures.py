@@ -8,15 +8,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from jaxglider.plotting import errors
+from jaxglider.plotting.lines import entitle, plain_numbers
 from jaxglider.plotting.style import (
     COLUMN,
     INK,
     distinct_styles,
-    entitle,
     legend_above,
     look,
     new_figure,
-    plain_numbers,
 )
 from jaxglider.simulation.rollout import Trajectory
 from tuning.problem.problem import TuningProblem

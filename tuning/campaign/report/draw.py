@@ -5,10 +5,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.style import (
     COLUMN,
     PAGE,
-    entitle,
     legend_above,
     look,
     new_figure,

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from jaxglider.plotting.lines import plain_numbers
 from jaxglider.plotting.series import continuous_degrees
 from jaxglider.plotting.style import (
     FAINT,
@@ -16,7 +17,6 @@ from jaxglider.plotting.style import (
     flat,
     label_time,
     legend_above,
-    plain_numbers,
     styles,
 )
 from jaxglider.signals import CHANNELS

@@ -8,8 +8,9 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from jaxglider.files.writing import write_json, write_text
+from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.save import save
-from jaxglider.plotting.style import COLUMN, entitle, look, new_figure
+from jaxglider.plotting.style import COLUMN, look, new_figure
 from tuning.campaign.analysis.bisection import Threshold
 from tuning.campaign.analysis.rank_correlations import SEVERITY
 from tuning.campaign.analysis.summary import CampaignSummary, ControllerSummary

@@ -30,7 +30,7 @@ def write_campaign_report(
         table: rows of the campaign.
         summary: summary of the rows.
     """
-    names = _save_figures(folder / "figures", campaign, table, summary)
+    names = _figures(folder / "figures", campaign, table, summary)
     parts = [_head(summary), *_likely(summary), *_required(summary)]
     parts += specified_section(summary)
     parts += flights_section(summary)
@@ -180,7 +180,7 @@ def _picture(name: str) -> str:
     return f"![{name}](figures/{name}.png)\n"
 
 
-def _save_figures(
+def _figures(
     folder: Path, campaign: Campaign, table: Rows, summary: CampaignSummary
 ) -> list[str]:
     """Draw; the names of the figures."""

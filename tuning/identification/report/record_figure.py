@@ -4,10 +4,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.style import (
     PAGE,
     distinct_styles,
-    entitle,
     legend_above,
     look,
     new_figure,
