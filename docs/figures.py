@@ -1,39 +1,37 @@
-"""The sheet of all figures of a flight: `python docs/figures.py` draws it.
+"""The sheet of all figures: `python docs/figures.py` draws it.
 
-Of three flights that were recorded once, `python docs/figures.py --record`: the paper's
-course with two laws, yos of a shallow Slocum, and a flight that fails. A test draws the
-sheet again and compares it with images/figures.png: nobody has to fly for it.
+Of what was recorded once, `python docs/figures.py --record`: the paper's course with
+two laws, yos of a shallow Slocum and of one on its sensors, a flight that fails; and
+what tune, sweep, trim, fit and record found. A test draws the sheet again and compares
+it with images/figures.png: nobody has to fly for it.
 """
 
 import argparse
 import dataclasses
 import functools
 from collections.abc import Iterator, Mapping
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
+from command_figures import command_figures, record_commands
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from recording import keep, kept
 
 import jaxglider
 from jaxglider import paper
-from jaxglider.control.prescribed.funnel import Limits
 from jaxglider.files.flight.missions import mission_path
 from jaxglider.files.mission import build_mission, load_mission
 from jaxglider.files.user_law import label_of
 from jaxglider.plotting import figures
-from jaxglider.plotting.style import look
-from jaxglider.signals import CHANNELS, BodyAxes, Channels, Command, GliderState
+from jaxglider.plotting.flight import PANELS, dive, dive_spans
+from jaxglider.plotting.style import PAGE, look, new_figure
 from jaxglider.simulation.checks.past import before, first_nonsense
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.metrics import empty_sums, finish
 from jaxglider.simulation.rollout import Trajectory
-from jaxglider.simulation.tick import TickRecord
-from jaxglider.vehicle.energy import Consumers
+from jaxglider.simulation.scenario import Scenario
+from tuning.reporting.tables import headline
 
 HERE = Path(__file__).parent
 RECORDED, SHEET = HERE / "recorded", HERE / "images" / "figures.png"
@@ -41,14 +39,9 @@ SIDE, COLUMNS = 330, 5
 """Side of a cell of the sheet [pixels], and number of cells in a row."""
 
 
-_KINDS: dict[str, Any] = {
-    "state": GliderState,
-    **dict.fromkeys(("reference", "error", "surface"), Channels),
-    **dict.fromkeys(("limits", "law_limits"), Channels),
-    **dict.fromkeys(("wanted", "applied"), Command),
-    **dict.fromkeys(("estimate", "lumped", "disturbance"), BodyAxes),
-    "energy": Consumers,
-}
+_MISSIONS = ("slocum-shallow", "slocum-on-board")
+_SENSED = ("reckoning", "estimates")
+"""How names of figures begin that only a flight on sensors has."""
 _TURNING = {
     "start_s": [0.0, 10.0],
     "gliding_angle_deg": [-30.0, -30.0],
@@ -62,7 +55,7 @@ def flights() -> dict[str, tuple[str, int, dict[str, ClosedLoop]]]:
     """Title, ticks from one record to the next, and closed loops of each flight."""
     laws = ("smc", "fxtppc")
     course = {law: paper.make_loop("waypoints", "rigid-body", law) for law in laws}
-    yos = load_mission(mission_path("slocum-shallow"))
+    yos, sensors = (load_mission(mission_path(name)) for name in _MISSIONS)
     dead = build_mission(
         {
             "vehicle": {"data": "slocum", "plant": "rigid-body"},
@@ -71,9 +64,22 @@ def flights() -> dict[str, tuple[str, int, dict[str, ClosedLoop]]]:
         }
     )
     return {
-        "course": ("waypoints on rigid-body", 50, course),
-        "yos": ("slocum-shallow on seawing", 5, {yos.controller: yos.loop}),
-        "failed": ("tick of 5 s on rigid-body", 1, {dead.controller: dead.loop}),
+        "course": (headline("waypoints", "SeaWing", "rigid-body"), 50, course),
+        "yos": (
+            headline(yos.name, yos.vehicle, yos.plant),
+            5,
+            {yos.controller: yos.loop},
+        ),
+        "sensors": (
+            headline(sensors.name, sensors.vehicle, sensors.plant),
+            5,
+            {sensors.controller: sensors.loop},
+        ),
+        "failed": (
+            headline("tick of 5 s", dead.vehicle, dead.plant),
+            1,
+            {dead.controller: dead.loop},
+        ),
     }
 
 
@@ -82,55 +88,27 @@ def record() -> None:
     RECORDED.mkdir(exist_ok=True)
     for name, (_, every, flown) in flights().items():
         for law, loop in flown.items():
-            run = jax.jit(partial(jaxglider.simulate, keep_every=every))
-            sea = loop.scenario.sea(jax.random.key(0))
-            trajectory = jax.device_get(run(loop, sea))
-            culprit = first_nonsense(trajectory, 0.0)
+            setting, key = loop.scenario, jax.random.key(0)
+            given = loop, setting.sea(key), setting.noise(key)
+            run = jax.device_get(jax.jit(jaxglider.simulate)(*given))
+            culprit = first_nonsense(run, 0.0)
             if culprit is not None:
-                trajectory = before(trajectory, culprit.tick)
-            columns = dict(_columns("", trajectory.ticks))
-            np.savez_compressed(RECORDED / f"{name}-{law}.npz", **columns)
+                run = before(run, culprit.tick)
+            keep(RECORDED / f"{name}-{law}.npz", thinned(run, every))
 
 
-def _columns(path: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
-    """Path and values of each column of a record; counts and flags as they are."""
-    if dataclasses.is_dataclass(value):
-        for field in dataclasses.fields(value):
-            inner = getattr(value, field.name)
-            yield from _columns(f"{path}.{field.name}".strip("."), inner)
-    elif value is not None:
-        array = np.asarray(value)
-        single = np.issubdtype(array.dtype, np.floating)
-        yield path, array.astype(np.float32) if single else array
+def thinned(run: Trajectory, every: int) -> Trajectory:
+    """One record in so many, and all that have a fix."""
+    kept_rows = np.arange(len(run.ticks.time)) % every == 0
+    if run.ticks.onboard is not None:
+        kept_rows |= np.isfinite(np.asarray(run.ticks.onboard.fix[0]))
+    ticks = jax.tree.map(lambda x: np.asarray(x)[kept_rows], run.ticks)
+    return dataclasses.replace(run, ticks=ticks)
 
 
 def recorded(name: str, law: str) -> Trajectory:
     """A flight as it was recorded; its metrics are empty."""
-    with np.load(RECORDED / f"{name}-{law}.npz") as file:
-        columns = {key: jnp.asarray(value) for key, value in file.items()}
-    ticks = jax.vmap(_tick)(columns)
-    zero, start = jnp.zeros(()), GliderState.at_rest()
-    metrics = finish(empty_sums(zero), start, jnp.asarray(0), zero + 1.0)
-    return Trajectory(ticks, metrics)
-
-
-def _tick(columns: dict[str, Any]) -> TickRecord:
-    """One record from its columns by their paths."""
-    numbers = {key: x for key, x in columns.items() if "." not in key}
-    parts = {key: _part(key, columns) for key in _KINDS}
-    return TickRecord(**{"phase": None} | numbers | parts)
-
-
-def _part(key: str, columns: Mapping[str, Any]) -> Any:
-    """A container of a record."""
-    start = f"{key}."
-    own = {k[len(start) :]: x for k, x in columns.items() if k.startswith(start)}
-    if not own:
-        return None
-    if key.endswith("limits"):
-        edges = {c: Limits(own[f"{c}.lower"], own[f"{c}.upper"]) for c in CHANNELS}
-        return Channels(**edges)
-    return _KINDS[key](**own)
+    return kept(RECORDED / f"{name}-{law}.npz")
 
 
 def cells() -> Iterator[tuple[str, np.ndarray]]:
@@ -139,8 +117,31 @@ def cells() -> Iterator[tuple[str, np.ndarray]]:
         runs = {label_of(law): recorded(flight, law) for law in flown}
         scenario = next(iter(flown.values())).scenario
         for name, figure in figures(scenario, runs, title=title):
-            if flight == "course" or not name.startswith("performance"):
+            if _shown(flight, name):
                 yield f"{flight}/{name}", _cell(figure)
+        if flight == "yos":
+            yield "yos/dive", _cell(_dive(title, scenario, runs))
+    for name, figure in command_figures():
+        yield name, _cell(figure)
+
+
+def _shown(flight: str, name: str) -> bool:
+    """Whether the sheet has a figure of a flight: it would not be the second such."""
+    if flight == "sensors":
+        return name.startswith(_SENSED)
+    return flight == "course" or not name.startswith("performance")
+
+
+def _dive(title: str, scenario: Scenario, runs: Mapping[str, Trajectory]) -> Figure:
+    """The second page of `simulate --pages`."""
+    ((law, run),) = runs.items()
+    figure = new_figure(PAGE, 9.4)
+    with look():
+        axes = figure.subplots(PANELS, 1, sharex=True)
+        span = dive_spans(run)[1]
+        dive(axes, run, scenario.actuators, span, f"{title}, {law}, dive 2")
+        figure.align_ylabels()
+    return figure
 
 
 def _cell(figure: Figure) -> np.ndarray:
@@ -172,6 +173,7 @@ if __name__ == "__main__":
     if parser.parse_args().record:
         jax.config.update("jax_enable_x64", True)
         record()
+        record_commands()
     from PIL import Image
 
     picture = Image.fromarray(sheet(dict(cells())))

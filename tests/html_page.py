@@ -29,7 +29,7 @@ class Page(html.parser.HTMLParser):
 
     def __init__(self, text):
         super().__init__()
-        self.open, self.texts, self.loads = [], {}, []
+        self.open, self.texts, self.loads, self.styles = [], {}, [], []
         self.feed(text)
         self.close()
         assert self.open == []
@@ -38,6 +38,7 @@ class Page(html.parser.HTMLParser):
         if tag not in VOID:
             self.open.append(tag)
         self.loads += [v for k, v in attributes if k in ("src", "href", "srcset")]
+        self.styles += [v for k, v in attributes if k == "style"]
 
     def handle_endtag(self, tag):
         assert self.open.pop() == tag
@@ -48,12 +49,15 @@ class Page(html.parser.HTMLParser):
 
 
 def mailable(path):
-    """The page of a file, which has to be whole, well-formed and to load nothing."""
-    text = path.read_text(encoding="utf-8")
-    page = Page(text)
+    """The page of a file, which has to be whole, well-formed and to load nothing.
+
+    What a script would load is seen in a browser only.
+    """
+    page = Page(path.read_text(encoding="utf-8"))
     assert all(x.startswith("data:image/png;base64,") for x in page.loads)
-    assert "@import" not in text
-    assert "url(" not in text
+    for text in (*page.texts["style"], *page.styles):
+        assert "@import" not in text
+        assert "url(" not in text
     return page
 
 

@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import numpy as np
 import pytest
+from html_page import mailable
 
 import tuning
 from jaxglider import AbstractController, ControlRecord, DesignModel, paper
@@ -170,6 +171,7 @@ def test_what_cannot_be_tuned_is_refused(own):
 def test_a_result_is_saved_as_the_command_saves_it(tuned, tmp_path):
     """Its gains file names the class by the file it is in."""
     tuned.save(tmp_path)
+    assert len(mailable(tmp_path / "report.html").loads) == 3
     names = {path.name for path in tmp_path.iterdir()}
     assert names >= {"gains.toml", "history.csv", "tune.json", "report.md"}
     table = tomllib.loads((tmp_path / "gains.toml").read_text(encoding="utf-8"))

@@ -96,7 +96,7 @@ def test_the_horizon_alone_can_be_given_beside_a_mission():
 def test_what_the_mission_says_is_not_said_again(call, command, words):
     code, out, err = call(command, "--config", "bay.toml", *words)
     assert (code, out) == (2, "")
-    assert f"{words[0]} does not go with --config; the mission file bay.toml" in err
+    assert f"{words[0]} does not go with a mission: the file bay.toml says" in err
 
 
 def test_gains_of_a_mission_need_one(call):

@@ -13,9 +13,12 @@ import time
 import tomllib
 from pathlib import Path
 
+import jax
 import netCDF4
 import numpy as np
 import pytest
+from matplotlib import pyplot
+from test_readme import ROOT, blocks
 
 import tuning.api.results
 import tuning.cli.commands.compare
@@ -28,10 +31,12 @@ from jaxglider import paper
 from jaxglider.control.catalogue import BY_NAME
 from jaxglider.files.codec import encode
 from jaxglider.files.gains import load_gains
-from jaxglider.files.mission import TEMPLATE
+from jaxglider.files.mission import TEMPLATE, build_mission, load_mission
 from jaxglider.files.uncertainty import load_uncertainty
 from jaxglider.paper.tuned import tuned_gains
+from jaxglider.signals import COMMAND_UNITS
 from jaxglider.simulation.rollout import Trajectory
+from jaxglider.vehicle.published import load_vehicle
 from tuning.cli.main import main
 from tuning.cli.parser import parser
 from tuning.cli.session.from_options import black_box_settings, descent_settings
@@ -335,6 +340,50 @@ def test_the_cache_of_programs_is_shown_and_cleared(call, tmp_path, monkeypatch)
     assert call("cache") == (0, f"{folder}: holds 0 files, 0.0 MiB.\n", "")
 
 
+@pytest.mark.parametrize(
+    ("words", "plant"),
+    [
+        (["--vehicle", "slocum"], "rigid-body"),
+        (["--vehicle", "slocum-comet"], "seawing"),
+        (["--vehicle", "slocum", "--plant", "seawing"], "seawing"),
+        (["--vehicle", "seaglider"], "rigid-body"),
+    ],
+)
+def test_init_writes_a_mission_of_another_glider(call, tmp_path, words, plant):
+    """Its limits and rates are written out: those it has where nothing is said."""
+    path = tmp_path / "glider.toml"
+    code, _, err = call("init", path, *words)
+    assert (code, err) == (0, "")
+    found = load_mission(path)
+    vehicle = load_vehicle(words[1])
+    assert (found.vehicle, found.plant, found.remarks) == (vehicle.name, plant, ())
+    actuators = found.loop.scenario.actuators
+    table = {"vehicle": {"data": words[1], "plant": plant}}
+    bare = build_mission(table).loop.scenario.actuators
+    assert jax.tree.structure(bare) == jax.tree.structure(actuators)
+    for written, own in zip(*map(jax.tree.leaves, (actuators, bare)), strict=True):
+        assert float(written) == pytest.approx(float(own), rel=1e-9)
+    said = tomllib.loads(path.read_text(encoding="utf-8"))["actuators"]
+    for name, unit in COMMAND_UNITS.items():
+        pumped = name == "buoyancy_mass" and vehicle.pump
+        moves = vehicle.rates is not None and not pumped
+        assert (f"rate_limit_{unit}_s" in said[name]) == moves
+
+
+def test_a_glider_beside_a_mission_is_refused_and_told_where_it_is_said(call):
+    for command in ("simulate", "tune", "sweep", "compare", "validate"):
+        for mission in (["slocum-shallow"], []):
+            code, out, err = call(command, *mission, "--vehicle", "slocum")
+            assert (code, out) == (2, "")
+            assert "`jaxglider init --vehicle NAME` writes a mission" in err
+        code, _, err = call(command, "slocum-comet")
+        assert code == 2
+        assert "a glider: `jaxglider init --vehicle slocum-comet` writes a" in err
+    code, _, err = call("init", "--uncertainty", "--vehicle", "slocum")
+    assert code == 2
+    assert "--vehicle and --plant go with a mission file" in err
+
+
 def test_init_writes_what_is_uncertain_too(call, tmp_path):
     code, out, err = call("init", "--uncertainty")
     assert (code, err) == (0, "")
@@ -486,6 +535,25 @@ def test_metrics_have_the_agreed_keys_and_json_is_the_same_object(call, tmp_path
         np.sqrt(np.mean(error**2)), rel=1e-12
     )
     assert not [name for name in os.listdir(tmp_path / "o") if name.startswith(".")]
+
+
+def test_the_plot_of_the_docs_is_of_the_depth_that_was_flown():
+    """The block of docs/commands.md, of a mission that this file flies anyway."""
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    (block,) = (x for x in blocks(page, "python") if "xarray" in x)
+    names = {}
+    try:
+        exec(block.replace('"slocum-shallow"', '"mission.toml"'), names)
+        (line,) = pyplot.gca().lines
+        low, high = pyplot.gca().get_ylim()
+        label = pyplot.gca().get_ylabel()
+    finally:
+        pyplot.close("all")
+    depth = np.asarray(names["flight"].depth)
+    assert len(depth) == 400
+    np.testing.assert_array_equal(line.get_ydata(), depth)
+    assert low > high
+    assert label.endswith("[m]")
 
 
 def test_the_seed_on_the_command_line_replaces_that_of_the_file(call, tmp_path):

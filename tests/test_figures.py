@@ -1,13 +1,14 @@
-"""The sheet of all figures, drawn again from recorded flights; and their tables."""
+"""The sheet of all figures, drawn again from records; and tables of flights."""
 
 import importlib.util
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib import image
 
-from tuning.evaluation.trajectory_tables import check_kind, write_table
+from tuning.evaluation.trajectory_tables import check_kind, table_of, write_table
 
 DOCS = Path(__file__).parents[1] / "docs"
 TOLERANCE, BLANK = 6.0, 0.01
@@ -19,7 +20,11 @@ of pixels that are not white in a figure that shows something."""
 def page():
     spec = importlib.util.spec_from_file_location("figures", DOCS / "figures.py")
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    sys.path.insert(0, str(DOCS))
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.remove(str(DOCS))
     return module
 
 
@@ -77,6 +82,16 @@ def test_a_trajectory_as_a_table_has_units_in_its_names(page, tmp_path):
     )
     np.testing.assert_allclose(table["pitch_rad"], run.ticks.state.pitch, rtol=1e-6)
     assert len(table) == len(run.ticks.time)
+
+
+def test_a_trajectory_as_parquet_has_the_columns_of_its_table(page, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    run = page.recorded("failed", next(iter(page.flights()["failed"][2])))
+    table = parquet.read_table(write_table(tmp_path / "run.parquet", run))
+    columns = table_of(run)
+    assert table.column_names == list(columns)
+    for name, values in columns.items():
+        np.testing.assert_array_equal(table[name].to_numpy(), values)
 
 
 def test_parquet_is_refused_before_the_work_where_it_cannot_be_written():

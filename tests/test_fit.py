@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from html_page import mailable
 from scipy.signal import lfilter
 
 from jaxglider.files.mission import load_mission
@@ -134,6 +135,7 @@ def test_files_of_a_fit_are_those_of_the_other_commands(driven, tmp_path, call):
     assert driven.record.digest in report
     content = json.loads((tmp_path / "out" / "fit.json").read_text())
     assert content["scores"]["speed"]["held_out"]["rms"] < 0.0115
+    assert len(mailable(tmp_path / "out" / "report.html").loads) == 2
     assert (tmp_path / "out" / "fit.png").stat().st_size > 10_000
     assert (tmp_path / "out" / "residuals.png").stat().st_size > 10_000
     assert call("validate", tmp_path / "out" / "mission.toml")[0] == 0

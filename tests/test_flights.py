@@ -407,6 +407,20 @@ def test_a_file_holds_phases_energy_and_every_dive_with_units(shallow, tmp_path)
             np.testing.assert_allclose(file[name][0], [row[key] for row in rows])
 
 
+def test_dives_of_a_record_with_ticks_left_out_are_those_of_the_whole(shallow):
+    """One tick in five misses the shorter turns, not the halves that they part."""
+    few = dataclasses.replace(
+        shallow, ticks=jax.tree.map(lambda x: x[::5], shallow.ticks)
+    )
+    assert len(dive_spans(few)) == len(dive_spans(shallow)) == 5
+    rows, wholes = halves(few), halves(shallow)
+    # The last climb has no end where the tick at the surface is left out.
+    assert len(rows) == len(wholes) - 1
+    for row, whole in zip(rows, wholes[:-1], strict=True):
+        assert row["half"] == whole["half"]
+        assert row["start_s"] == pytest.approx(whole["start_s"], abs=20.0)
+
+
 def test_halves_share_the_energy_and_the_way_of_the_flight(shallow):
     rows, flight = halves(shallow), shallow.metrics.flight
     for name, spent in vars(flight.energy).items():

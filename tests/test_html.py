@@ -1,6 +1,7 @@
 """A report as one HTML file: whole, well-formed, loading nothing, seen in a browser."""
 
 import base64
+import importlib.util
 import io
 import re
 
@@ -8,8 +9,10 @@ import numpy as np
 import pytest
 from html_page import Page, mailable, opened
 from matplotlib import image
+from test_plotting import make_run
 
 from tuning.reporting.html import write_html
+from tuning.reporting.tracks import check_plotly, interactive_tracks
 
 TEXT = """# Tuning fxtppc: switching on `rigid-body`
 
@@ -34,6 +37,11 @@ $ if (x < 1) && y
 ![lost](gone.png)
 """
 PINK = (230, 0, 126)
+LOADED = """<script>
+addEventListener("load", () => {
+  document.title = "loaded " + performance.getEntriesByType("resource").length;
+});
+</script>"""
 MEASURE = """<script>
 const pictures = [...document.images].map(x => x.naturalWidth + "x" + x.width);
 document.title = document.documentElement.scrollWidth + ";" + pictures.join(";");
@@ -120,3 +128,26 @@ def test_a_browser_shows_the_page_as_wide_as_its_window(tmp_path):
         assert box[1] == pytest.approx(wanted, abs=3)
         assert box[0] == pytest.approx(wanted * 300 / 1050, abs=3)
     assert seen == {1200: "1200;1050x476", 500: "500;1050x468"}
+
+
+def test_tracks_stand_in_the_page_and_move(tmp_path):
+    """They load nothing, and the browser draws a line for each run in each panel."""
+    pytest.importorskip("plotly")
+    runs = {"SMC": make_run(), "PID": make_run(error_scale=-1.0)}
+    piece = interactive_tracks(runs, "case: glider (plant)")
+    path = tmp_path / "report.html"
+    write_html(path, "# Flight", {"command": ["simulate"]}, tracks=[piece])
+    page = mailable(path)
+    assert page.texts["h2"][0] == "Tracks"
+    path.write_text(path.read_text().replace("</body>", LOADED + "</body>"))
+    document, _ = opened(path, tmp_path)
+    assert "<title>loaded 0</title>" in document
+    assert len(re.findall('class="trace scatter', document)) == 8
+    assert "case: glider (plant)" in document
+
+
+def test_tracks_are_refused_before_the_work_where_they_cannot_be_drawn():
+    if importlib.util.find_spec("plotly"):
+        pytest.skip("plotly is there")
+    with pytest.raises(ValueError, match="needs the package plotly"):
+        check_plotly()

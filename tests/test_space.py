@@ -161,12 +161,26 @@ def test_a_path_may_end_early_or_leave_a_component_open(loop):
     assert len(Space.of(loop, EVERYTHING).names) == 50
 
 
+def test_a_name_alone_stands_for_all_whose_path_has_it(loop):
+    """So that one tunes the heading without knowing where its numbers are."""
+    whole = tunable_paths(loop)
+    heading = Space.of(loop, ["heading"]).names
+    assert heading == tuple(
+        p for p in whole if p.endswith(".heading") or ".heading." in p
+    )
+    assert "controller.gains.heading.k1" in heading
+    # What begins a path is that path, as ever.
+    inside = [p for p in whole if p.startswith("controller.")]
+    assert Space.of(loop, ["controller"]).names == tuple(inside)
+
+
 @pytest.mark.parametrize(
     ("path", "words"),
     [
         ("gains.depth.k1", r"'gains\.depth\.k1'.*controller\.gains\.depth\.k1"),
         ("controller.gains.dept.k1", r"did you mean controller\.gains\.depth\.k1"),
         ("controller.gains.depth.k3", r"controller\.gains\.depth\.k[12]"),
+        ("headin", r"did you mean heading"),
         ("controller.smoothing", r"'controller\.smoothing' names nothing to tune"),
         ("controller.model", r"names nothing to tune"),
         ("scenario.clock.dt", r"names nothing to tune"),

@@ -200,7 +200,8 @@ def test_zero_has_no_sign():
 
 
 def test_what_a_command_costs_has_the_unit_of_its_actuator():
-    text = markdown_tables([_run()])
+    text = markdown_tables([_run(vehicle="SeaWing")])
+    assert "## switching: SeaWing (printed)" in text
     for channel in ("depth [kg]", "pitch [m]", "heading [rad]"):
         for measure in ("rms command", "rms command step", "travel"):
             assert len(_cells(text, channel, measure)) == 2

@@ -82,6 +82,7 @@ class Mission:
         law: law, observer and guidance of the loop, by themselves.
         model: design model that laws for this mission begin with.
         plant: name of the plant.
+        vehicle: name of the vehicle.
         remarks: oddities of a course or a vehicle that can be flown.
         stand_ins: sentences on what is the paper's or the vehicle's because its table
             is left out; empty where nothing is.
@@ -94,6 +95,7 @@ class Mission:
     law: LoadedGains
     model: DesignModel
     plant: str
+    vehicle: str = ""
     remarks: tuple[str, ...] = ()
     stand_ins: str = ""
     start: datetime.datetime | None = None
@@ -178,7 +180,7 @@ def build_mission(data: dict[str, Any], folder: Path = Path()) -> Mission:
     law = law._replace(observer=observer, guidance=guidance, estimator=estimator)
     loop, beyond = law.on(scenario), vehicle_remarks(vehicle, plant_name, parts[2])
     told = (*course_remarks(data), *beyond), stand_ins(data), started(data)
-    return Mission(name, loop, seed, law, model, plant_name, *told)
+    return Mission(name, loop, seed, law, model, plant_name, vehicle.name, *told)
 
 
 def _optional(top: TomlTable, name: str) -> TomlTable | None:

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from jaxglider.files.writing import replacing
 from jaxglider.guidance.phases import PHASES
-from jaxglider.plotting.lines import UNITS
+from jaxglider.plotting.lines import UNITS, entitle
 from jaxglider.plotting.series import (
     active_ticks,
     break_jumps,
@@ -84,7 +84,8 @@ def dive(
     ticks = jax.tree.map(lambda x: np.asarray(x)[span], run.ticks)
     minutes = (drawable(ticks.time) - float(ticks.time[0])) / MINUTE
     _panels(axes, ticks, minutes, "time (min)", actuators)
-    flat(axes, PANELS, "dive")[0].figure.suptitle(title)
+    figure: Any = flat(axes, PANELS, "dive")[0].figure
+    entitle(figure, title)
     return axes
 
 

@@ -1,14 +1,13 @@
 """Figure of a steady motion: glide polar, eigenvalues, and what reaches which mode."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxglider.plotting.save import save
+from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.style import (
     FAINT,
     INK,
@@ -129,18 +128,16 @@ def reach(axis: Axes, analysis: Analysis) -> Axes:
     return axis
 
 
-def save_glide(
-    path: Path,
+def glide_figure(
     vehicle: VehicleData,
     plant: AbstractPlant,
     motion: SteadyMotion,
     analysis: Analysis,
     name: str,
-) -> Path:
-    """Write the figure of a steady motion.
+) -> Figure:
+    """The figure of a steady motion.
 
     Args:
-        path: path of the file.
         vehicle: vehicle whose limits scale the polar.
         plant: the glider.
         motion: the steady motion.
@@ -149,10 +146,10 @@ def save_glide(
     """
     limit = float(vehicle.limits.buoyancy_mass)
     with look():
-        figure: Figure = new_figure(PAGE, 3.0)
+        figure = new_figure(PAGE, 3.0)
         left, middle, right = figure.subplots(1, 3, width_ratios=(1.2, 1.0, 0.8))
         polar(left, plant, [limit / 4, limit / 2, limit], motion)
         eigenvalues(middle, analysis)
         reach(right, analysis)
-        figure.suptitle(f"{vehicle.name}, {name} plant", fontsize=8, x=0.01, ha="left")
-    return save(figure, path)
+        entitle(figure, f"trim: {vehicle.name} ({name})")
+    return figure

@@ -43,6 +43,7 @@ def path_plan(
         for point, marker in _ends([east, north], style):
             axes.plot(*point, **marker, zorder=4)
     axes.set_aspect("equal", adjustable="datalim")
+    axes.xaxis.set_major_locator(MaxNLocator(6))
     axes.set_xlabel("east Y (m)")
     axes.set_ylabel("north X (m)")
     legend_above(axes, _handles(look, path))
@@ -210,6 +211,7 @@ def _scale(axes: Any) -> None:
     shape.append(float(np.clip(abs(bottom - top) / side, 0.7, 1.0)))
     axes.set_box_aspect(shape, zoom=0.86)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(MaxNLocator(4))
+        # Numbers of less than a metre are longer.
+        axis.set_major_locator(MaxNLocator(4 if side > 1.0 else 2))
         axis.set_tick_params(pad=1.0)
         axis.labelpad = 1.0

@@ -21,6 +21,7 @@ from jaxglider.guidance.routes import route_of
 from jaxglider.plotting.commands import commands
 from jaxglider.plotting.comparison import errors, tracking
 from jaxglider.plotting.flight import energy, flight
+from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.navigation import estimates, reckoned_map
 from jaxglider.plotting.path import (
     depth_over_distance,
@@ -57,7 +58,8 @@ def figures(
     Args:
         scenario: scenario of all the runs.
         runs: label to trajectory.
-        functions: performance functions to compare; the published forms by default.
+        functions: performance functions to compare; the published forms by default,
+            no such figure if empty.
         title: name of what was flown, such as case and plant; stands above figures.
     """
     runs = {label: scenario.origin.on_the_map(run) for label, run in runs.items()}
@@ -73,7 +75,7 @@ def _entitle(figure: Figure, title: str, runs: Mapping[str, Trajectory]) -> None
     if not title or not runs:
         return
     law = figure.get_suptitle() or (next(iter(runs)) if len(runs) == 1 else "")
-    figure.suptitle(f"{title}, {law}" if law else title)
+    entitle(figure, f"{title}, {law}" if law else title)
 
 
 def save_all(
@@ -91,7 +93,8 @@ def save_all(
         scenario: scenario of all the runs.
         runs: label to trajectory.
         formats: file endings that Matplotlib knows.
-        functions: performance functions to compare; the published forms by default.
+        functions: performance functions to compare; the published forms by default,
+            no such figure if empty.
         title: name of what was flown, such as case and plant; stands above figures.
 
     Returns:
@@ -136,8 +139,10 @@ def _builders(
         path = on_the_map(path, scenario.origin)
     horizon = scenario.clock.ticks * float(scenario.clock.dt)
     shapes = published_functions() if functions is None else functions
-    builders: dict[str, Callable[[], Figure]] = {
-        "performance_functions": lambda: _performance(shapes, horizon),
+    builders: dict[str, Callable[[], Figure]] = {}
+    if shapes:
+        builders["performance_functions"] = lambda: _performance(shapes, horizon)
+    builders |= {
         "tracking": lambda: _stacked(lambda axes: tracking(axes, runs)),
         "errors": lambda: _stacked(lambda axes: errors(axes, runs)),
         "commands": lambda: _stacked(
@@ -205,6 +210,7 @@ def _performance(
     settled = [settling_time(function, horizon) for function in functions.values()]
     duration = min(1.2 * max(settled, default=horizon), horizon)
     performance_functions(figure.subplots(), functions, duration)
+    entitle(figure, "performance functions")
     return figure
 
 
@@ -226,7 +232,7 @@ def _from_above(runs: Mapping[str, Trajectory], path: WaypointPath | None) -> Fi
 
 def _estimate(label: str, run: Trajectory, colour: str) -> Figure:
     figure = new_figure(PAGE, 3.8)
-    figure.suptitle(label)
+    entitle(figure, label)
     axes = figure.subplots(2, 3, sharex=True)
     disturbance_estimate(axes, run, label, colour)
     figure.align_ylabels()
@@ -235,7 +241,7 @@ def _estimate(label: str, run: Trajectory, colour: str) -> Figure:
 
 def _flight(label: str, run: Trajectory, scenario: Scenario) -> Figure:
     figure = new_figure(PAGE, 8.6)
-    figure.suptitle(label)
+    entitle(figure, label)
     flight(figure.subplots(6, 1, sharex=True), run, scenario.actuators)
     figure.align_ylabels()
     return figure
@@ -249,21 +255,21 @@ def _along(runs: Mapping[str, Trajectory]) -> Figure:
 
 def _energy(label: str, run: Trajectory) -> Figure:
     figure = new_figure(COLUMN, 3.2)
-    figure.suptitle(label)
+    entitle(figure, label)
     energy(figure.subplots(), run)
     return figure
 
 
 def _reckoned(label: str, run: Trajectory, path: WaypointPath | None) -> Figure:
     figure = new_figure(COLUMN, 4.0)
-    figure.suptitle(label)
+    entitle(figure, label)
     reckoned_map(figure.subplots(), run, path)
     return figure
 
 
 def _estimated(label: str, run: Trajectory) -> Figure:
     figure = new_figure(PAGE, 6.4)
-    figure.suptitle(label)
+    entitle(figure, label)
     estimates(figure.subplots(4, 1, sharex=True), run)
     figure.align_ylabels()
     return figure
@@ -271,6 +277,6 @@ def _estimated(label: str, run: Trajectory) -> Figure:
 
 def _sheet(label: str, run: Trajectory, colour: str) -> Figure:
     figure = new_figure(PAGE, 7.4)
-    figure.suptitle(label)
+    entitle(figure, label)
     vehicle_state(figure.subplots(5, 3, sharex=True), run, colour)
     return figure

@@ -173,13 +173,16 @@ def halves(run: Any) -> list[dict[str, Any]]:
 
 def _starts(phase: np.ndarray) -> list[int]:
     """First ticks of the halves and of the stays at the surface."""
-    first = np.isin(phase, (APOGEE, INFLECTION, SURFACE))
-    changed = np.concatenate([[True], phase[1:] != phase[:-1]])
-    return [int(n) for n in np.flatnonzero(first & changed)]
+    past = np.concatenate([[-1], phase[:-1]])
+    turned = np.isin(phase, (APOGEE, INFLECTION, SURFACE)) & (phase != past)
+    # A record that leaves ticks out may have missed the turn itself.
+    missed = ((past == DIVE) & (phase == CLIMB)) | ((past == CLIMB) & (phase == DIVE))
+    return [int(n) for n in np.flatnonzero(turned | missed)]
 
 
 def _kind(phase: int) -> str | None:
-    return {APOGEE: "climb", INFLECTION: "dive"}.get(int(phase))
+    kinds = {APOGEE: "climb", CLIMB: "climb", INFLECTION: "dive", DIVE: "dive"}
+    return kinds.get(int(phase))
 
 
 def _measures(ticks: Any, kind: str, part: slice, count: int) -> dict[str, float]:

@@ -22,6 +22,7 @@ from tuning.gradient_check.comparison import (
 )
 from tuning.gradient_check.text import (
     comparison_to_dict,
+    markdown,
     render,
     render_comparison,
     to_dict,
@@ -57,6 +58,13 @@ class GradientCheck:
         """The tables and verdicts."""
         texts = [render(self.report), *map(render_comparison, self.comparisons)]
         return "\n\n".join(texts)
+
+    def markdown(self) -> str:
+        """The same for a page: the gains as a table, the comparisons as they are."""
+        lines = markdown(self.report)
+        for comparison in self.comparisons:
+            lines += ["\n```", render_comparison(comparison), "```"]
+        return "\n".join(lines) + "\n"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers; None where not finite."""

@@ -7,6 +7,7 @@ from typing import Any
 
 from jaxglider.core.containers import check_interval
 from jaxglider.files.writing import provenance, write_json, write_text
+from jaxglider.plotting.save import save
 from jaxglider.vehicle.parameters import VehicleData
 from jaxglider.vehicle.published import load_vehicle
 from tuning.identification.fitting import Fit, fit_flight
@@ -15,7 +16,7 @@ from tuning.identification.knowledge import Estimate, estimates, remarks
 from tuning.identification.record.flight_record import FlightRecord
 from tuning.identification.record.reading import read_record
 from tuning.identification.record.uniform import uniform
-from tuning.identification.report.figures import save_fit, save_residuals
+from tuning.identification.report.figures import fit_figure, residuals_figure
 from tuning.identification.report.files import vehicle_of_fit, write_files
 from tuning.identification.report.report import (
     content_of,
@@ -24,6 +25,7 @@ from tuning.identification.report.report import (
     text_of,
 )
 from tuning.identification.verdict import Verdict, judge
+from tuning.reporting.html import write_html
 from tuning.reporting.output_folder import writing_to
 
 
@@ -76,7 +78,7 @@ class FitResult:
         return text_of(self.content())
 
     def save(self, folder: str | Path, command: Sequence[str] = ()) -> dict[str, Any]:
-        """Write vehicle, uncertainty, mission, report, figures and numbers.
+        """Write vehicle, uncertainty, mission, reports, figures and numbers.
 
         Args:
             folder: folder; made if it is not there.
@@ -99,9 +101,11 @@ class FitResult:
                 "provenance": provenance(command=list(command)),
             }
             write_json(place / "fit.json", content)
-            write_text(place / "report.md", markdown_of(content))
-            save_fit(place / "fit.png", self.fit, self.verdict)
-            save_residuals(place / "residuals.png", self.fit, self.verdict)
+            save(fit_figure(self.fit, self.verdict), place / "fit.png")
+            save(residuals_figure(self.fit, self.verdict), place / "residuals.png")
+            text = markdown_of(content)
+            write_text(place / "report.md", text)
+            write_html(place / "report.html", text, content["provenance"])
         return content
 
 

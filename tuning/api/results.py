@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from jaxglider.files.gains import encode_law
 from jaxglider.files.law_paths import short_name
 from jaxglider.files.writing import provenance, write_json, write_text
-from jaxglider.plotting.style import PAGE, look, new_figure
+from jaxglider.plotting.style import PAGE, legend_above, look, new_figure
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory, simulate
 from tuning.campaign.analysis.summary import CampaignSummary
@@ -23,14 +23,9 @@ from tuning.campaign.report.text import text_summary
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.rows import Rows, columns_of
 from tuning.campaign.run.store import Manifest, opened, prepare
+from tuning.evaluation.figures import draw_gains, draw_objective, gains_of
 from tuning.evaluation.held_out import Verdict
-from tuning.evaluation.report import (
-    draw_gains,
-    draw_objective,
-    history_table,
-    text_report,
-    write_tuning_report,
-)
+from tuning.evaluation.report import history_table, text_report, write_tuning_report
 from tuning.evaluation.robustness import Robustness
 from tuning.gradient_check.statement import GradientStatement
 from tuning.problem.lanes import member_count
@@ -92,6 +87,7 @@ class TuneResult:
         return {
             "scenario": problem.spec.case.title,
             "plant": problem.spec.case.plant,
+            "vehicle": problem.spec.case.vehicle,
             "controller": short_name(problem.spec.controller),
             "method": self.method,
             "steps": self.history[-1].number,
@@ -140,11 +136,12 @@ class TuneResult:
     def plot(self) -> Figure:
         """The objective and the gains that moved most, step by step."""
         with look():
-            figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+            figure = new_figure(PAGE, 3.4)
             left, right = figure.subplots(1, 2)
             draw_objective(left, self.history)
-            draw_gains(right, self.problem, self.history)
-            right.legend(fontsize=7, loc="best")
+            gains = gains_of(self.problem, self.history)
+            draw_gains(right, self.history, gains)
+            legend_above(right, right.get_legend_handles_labels()[0])
         return figure
 
     def trajectories(self) -> dict[str, Trajectory]:

@@ -189,6 +189,18 @@ def _add_init(commands: Any) -> None:
         help="write a file that says what is uncertain instead, for "
         "`tune --uncertainty FILE`",
     )
+    parser.add_argument(
+        "--vehicle",
+        metavar="NAME|FILE",
+        help="glider of the mission, as `jaxglider vehicles` lists them, or a .toml "
+        "file: limits and actuators become its own; default: seawing",
+    )
+    parser.add_argument(
+        "--plant",
+        choices=PLANTS,
+        help="equations that it obeys; default: printed, and with --vehicle "
+        "rigid-body, or seawing for a glider with a fin",
+    )
     parser.add_argument("--force", action="store_true", help="replace an existing file")
 
 

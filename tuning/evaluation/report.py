@@ -5,16 +5,13 @@ import io
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
-from jaxglider.files.writing import replacing, write_text
-from jaxglider.plotting import errors
-from jaxglider.plotting.style import look
+from jaxglider.files.user_law import label_of
+from jaxglider.files.writing import write_text
+from jaxglider.plotting.save import save
 from jaxglider.signals import CHANNEL_UNITS
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory
+from tuning.evaluation.figures import gains_of, tuning_figures
 from tuning.evaluation.held_out import MEASURES
 from tuning.evaluation.sections import (
     adversarial_line,
@@ -27,7 +24,7 @@ from tuning.evaluation.settling_table import settling_table
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.html import write_html
 from tuning.reporting.ledger import text_ledger
-from tuning.reporting.tables import figure, outcome
+from tuning.reporting.tables import figure, headline, outcome, unit_of
 from tuning.search.settings import Step
 
 _HELD_OUT = "The figures are of test members that neither descent nor choice has seen."
@@ -141,119 +138,18 @@ def write_tuning_report(
         tuned: closed loop with the tuned gains.
         runs: nominal runs `before` and `after`, on the host.
     """
-    with look():
-        figures = {
-            "objective.png": objective_figure(history),
-            "gains.png": gains_figure(problem, history),
-            "errors.png": errors_figure(runs),
-        }
-        for name, figure in figures.items():
-            with replacing(out / name) as temporary:
-                figure.savefig(temporary, dpi=150)
+    title = f"{problem.spec.case.headline}, {label_of(problem.spec.controller)}"
+    gains = gains_of(problem, history)
+    for name, drawn in tuning_figures(title, history, gains, runs):
+        save(drawn, out / f"{name}.png")
     text = _markdown(result, settling_table(tuned, runs))
     write_text(out / "report.md", text)
     write_html(out / "report.html", text, result.get("provenance", {}))
 
 
-def objective_figure(history: list[Step]) -> Figure:
-    """The objective step by step."""
-    figure = Figure(figsize=(5.0, 3.2), layout="constrained")
-    draw_objective(figure.subplots(), history)
-    return figure
-
-
-def draw_objective(axes: Axes, history: list[Step]) -> Axes:
-    """Objective on training and validation members step by step.
-
-    Args:
-        axes: axes to draw on.
-        history: steps of the search.
-    """
-    steps = [s for s in history if not s.refused]
-    refused = [s for s in history if s.refused]
-    numbers = [s.number for s in steps]
-    axes.plot(numbers, [s.loss for s in steps], color="#0072B2", label="training")
-    axes.plot(
-        numbers,
-        [s.validation for s in steps],
-        color="#D55E00",
-        ls="--",
-        label="validation",
-    )
-    top = max(
-        np.nanmax([s.loss for s in steps]), np.nanmax([s.validation for s in steps])
-    )
-    if refused:
-        axes.plot(
-            [s.number for s in refused],
-            [min(s.loss, top) if np.isfinite(s.loss) else top for s in refused],
-            "x",
-            color="0.4",
-            label="refused",
-        )
-    axes.set(xlabel="step", ylabel="objective", ylim=(0, 1.05 * top))
-    axes.grid(alpha=0.3)
-    # From zero up, and high at the start: nothing is drawn there.
-    axes.legend(loc="lower left")
-    return axes
-
-
-def gains_figure(problem: TuningProblem, history: list[Step]) -> Figure:
-    """The gains that moved most, over their start, step by step."""
-    figure = Figure(figsize=(5.0, 4.2), layout="constrained")
-    draw_gains(figure.subplots(), problem, history)
-    # Eight names cover curves wherever they stand within the axes.
-    figure.legend(fontsize=7, ncols=2, loc="outside upper center", frameon=False)
-    return figure
-
-
-def draw_gains(axes: Axes, problem: TuningProblem, history: list[Step]) -> Axes:
-    """The eight gains that moved most, over their start.
-
-    Args:
-        axes: axes to draw on; without a legend.
-        problem: problem that was solved.
-        history: steps of the search.
-    """
-    steps = [s for s in history if not s.refused]
-    values = [
-        list(problem.space.values(problem.space.write(problem.loop, s.free)).values())
-        for s in steps
-    ]
-    ratios = np.asarray(values) / np.asarray(values[0])
-    styles = ("-", "--", "-.", ":")
-    prefixes = "controller.", "scenario.reference."
-    names = [_without(name, prefixes) for name in problem.space.names]
-    largest = np.argsort(-np.abs(np.log(np.abs(ratios[-1]) + 1e-300)))[:8]
-    for rank, column in enumerate(sorted(largest)):
-        axes.semilogy(
-            [s.number for s in steps],
-            ratios[:, column],
-            ls=styles[rank % 4],
-            label=names[column],
-        )
-    title = "" if len(names) <= 8 else f" (8 of {len(names)} that moved most)"
-    axes.set(xlabel="step", ylabel=f"gain over its start{title}")
-    axes.grid(alpha=0.3, which="both")
-    return axes
-
-
-def _without(name: str, prefixes: tuple[str, ...]) -> str:
-    for prefix in prefixes:
-        name = name.removeprefix(prefix)
-    return name
-
-
-def errors_figure(runs: dict[str, Trajectory]) -> Figure:
-    """Tracking errors of the nominal runs within their funnels."""
-    figure = Figure(figsize=(5.0, 5.6), layout="constrained")
-    errors(figure.subplots(3, sharex=True), runs)
-    return figure
-
-
 def _markdown(result: dict[str, Any], settling: list[str]) -> str:
     lines = [
-        f"# Tuning {result['controller']}: {result['scenario']} on {result['plant']}\n",
+        f"# Tuning {result['controller']}: {_flown(result)}\n",
         f"{result['steps']} steps, {result['refused']} refused, "
         f"{result['seconds']:.0f} s. The gains are those best on the validation "
         f"members. {_HELD_OUT if result['members']['training'] > 1 else _SAME}\n",
@@ -264,8 +160,9 @@ def _markdown(result: dict[str, Any], settling: list[str]) -> str:
         "| channel | measure | before | after | difference | 95 % interval | better |",
         "|---|---|---:|---:|---:|---|---:|",
     ]
-    for channel, unit in CHANNEL_UNITS.items():
+    for channel in CHANNEL_UNITS:
         for measure, title in MEASURES.items():
+            unit = unit_of(channel, measure)
             row = result["held_out"][channel][measure]
             span = row["interval"]
             words = "-" if span is None else f"[{span[0]:.3g}, {span[1]:.3g}]"
@@ -298,6 +195,11 @@ def _markdown(result: dict[str, Any], settling: list[str]) -> str:
         "![errors](errors.png)",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _flown(result: dict[str, Any]) -> str:
+    """Case, vehicle and plant, for the title."""
+    return headline(result["scenario"], result.get("vehicle", ""), result["plant"])
 
 
 def _cell(value: float | None) -> str:

@@ -31,7 +31,8 @@ from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
 from tuning.reporting.flights import markdown_flight, text_flight
 from tuning.reporting.html import write_html
 from tuning.reporting.navigation import markdown_navigation, text_navigation
-from tuning.reporting.tables import markdown_tables, text_table
+from tuning.reporting.tables import headline, markdown_tables, text_table
+from tuning.reporting.tracks import interactive_tracks
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,6 +40,7 @@ class PlannedRun:
     """One run to make: where, by whom, the loop, and whether the paper has the case."""
 
     scenario: str
+    vehicle: str
     plant: str
     controller: str
     loop: ClosedLoop
@@ -57,6 +59,7 @@ class FinishedRun:
         """Entry of the run in metrics.json."""
         return {
             "scenario": self.entry.scenario,
+            "vehicle": self.entry.vehicle,
             "plant": self.entry.plant,
             "controller": self.entry.controller,
             "published_case": self.entry.published,
@@ -210,15 +213,21 @@ def _write(
         for label, run in runs.items():
             write_table(out / f"{_file_name(label)}.{options.table}", run)
     figures: list[Path] = []
+    tracks: list[str] = []
     for scenario in dict.fromkeys(d.entry.scenario for d in done):
         progress.show(f"drawing {scenario} ...")
         group = [d for d in done if d.entry.scenario == scenario]
         labelled = {_label(d.entry.controller): d.trajectory for d in group}
         folder = out / "figures" / _file_name(scenario)
         one = group[0].entry
-        title = f"{one.scenario} on {one.plant}"
-        figures += save_all(folder, one.loop.scenario, labelled, ("png",), None, title)
-    write_html(out / "report.html", text, result["provenance"], figures)
+        title = headline(one.scenario, one.vehicle, one.plant)
+        # The paper's performance functions say nothing of another mission.
+        shapes: dict[str, Any] | None = None if one.published else {}
+        flown = one.loop.scenario
+        figures += save_all(folder, flown, labelled, ("png",), shapes, title)
+        if options.interactive:
+            tracks.append(interactive_tracks(labelled, title))
+    write_html(out / "report.html", text, result["provenance"], figures, tracks)
     pages = _dives(out / "figures", done) if options.pages else ""
     progress.clear()
     note(

@@ -35,6 +35,38 @@ def render(report: GradientReport) -> str:
     return "\n".join(lines)
 
 
+def markdown(report: GradientReport) -> list[str]:
+    """The report in Markdown: what it says of all, and a table of the gains.
+
+    Args:
+        report: report of `check_gradient`.
+    """
+    columns = [k for k, h in enumerate(report.steps) if h >= REALISTIC]
+    steps = [percent(report.steps[k]) for k in columns]
+    rows = [
+        [
+            f"`{name}`",
+            f"{report.gradient[i]:.4g}",
+            f"{report.error[i]:.1e}",
+            *(_figure(report.prediction[k, i], "{:.3g}".format) for k in columns),
+            _figure(report.saturated[i], percent),
+            str(report.verdicts[i]),
+        ]
+        for i, name in enumerate(report.names)
+    ]
+    head = ["gain", "gradient", "error", *steps, "saturated"]
+    return [
+        f"Verdict: {report.verdict}; {_norms(report)}.\n",
+        f"J = {report.value:.6g}, rounding noise {report.noise:.1e}. Error: reverse "
+        "mode against differences. Under a step: the true over the predicted change of "
+        "J, 1 is perfect. Saturated: share of the time that the channel's actuator is "
+        "at its limit.\n",
+        "| " + " | ".join([*head, "verdict"]) + " |",
+        "|---|" + "---:|" * (len(head) - 1) + "---|",
+        *("| " + " | ".join(row) + " |" for row in rows),
+    ]
+
+
 def _norms(report: GradientReport) -> str:
     here, *others = report.norms
     text = f"gradient norm {here:.3g}"

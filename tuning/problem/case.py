@@ -11,7 +11,9 @@ from jaxglider.simulation.gains import LoadedGains
 from jaxglider.simulation.scenario import Clock, Scenario
 from jaxglider.simulation.specification import Specification
 from jaxglider.vehicle.design_model import DesignModel
+from jaxglider.vehicle.published import load_vehicle
 from tuning.problem.gain_sets import MISSION, GainSet, resolve
+from tuning.reporting.tables import headline
 
 DT = 0.05
 """Control tick where none is given [s]."""
@@ -30,6 +32,7 @@ class FlightCase:
             becomes of their own funnels.
         model: design model.
         own: gains of the mission file, or None.
+        vehicle: name of the vehicle; empty where a loop was given.
     """
 
     title: str
@@ -38,6 +41,12 @@ class FlightCase:
     scenario: Scenario
     model: DesignModel
     own: GainSet | None = None
+    vehicle: str = ""
+
+    @property
+    def headline(self) -> str:
+        """Title of what is flown: case, vehicle and plant."""
+        return headline(self.title, self.vehicle, self.plant)
 
     @classmethod
     def of_paper(
@@ -63,7 +72,9 @@ class FlightCase:
         scenario = paper.make_scenario(
             kind, plant, dt=dt or DT, duration=duration, actuators=actuators
         )
-        return cls(kind, kind, plant, scenario, paper.design_model(scenario.plant))
+        model = paper.design_model(scenario.plant)
+        vehicle = load_vehicle("seawing").name
+        return cls(kind, kind, plant, scenario, model, vehicle=vehicle)
 
     @classmethod
     def of_mission(
@@ -91,6 +102,7 @@ class FlightCase:
             scenario,
             mission.model,
             GainSet(f"{mission.controller} ({MISSION})", MISSION, mission.law),
+            mission.vehicle,
         )
 
     @classmethod

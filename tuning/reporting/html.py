@@ -46,6 +46,7 @@ def write_html(
     text: str,
     about: Mapping[str, Any],
     figures: Sequence[Path] = (),
+    tracks: Sequence[str] = (),
 ) -> None:
     """Write a report as one HTML file.
 
@@ -54,8 +55,11 @@ def write_html(
         text: report in Markdown; its first heading is the title.
         about: provenance; its `command` is the one to repeat.
         figures: pictures that follow the text, where it does not have them already.
+        tracks: pieces of HTML that stand before the pictures.
     """
     body = list(_blocks(text, path.parent))
+    if tracks:
+        body += ["<h2>Tracks</h2>", *tracks]
     if figures:
         body += ["<h2>Figures</h2>", *_side_by_side(map(_picture, figures))]
     title = re.search(r"^# (.*)$", text, re.MULTILINE)

@@ -65,6 +65,21 @@ def unit_of(channel: str, measure: str) -> str:
     return CHANNEL_UNITS[channel]
 
 
+def headline(scenario: str, vehicle: str, plant: str) -> str:
+    """Title of a flight, such as `switching: SeaWing (rigid-body)`.
+
+    Args:
+        scenario: name of the case or the mission.
+        vehicle: name of the vehicle; empty where nobody said.
+        plant: name of the plant.
+    """
+    return f"{scenario}: {vehicle} ({plant})" if vehicle else f"{scenario} on {plant}"
+
+
+def _flown(run: dict[str, Any]) -> str:
+    return headline(run["scenario"], run.get("vehicle", ""), run["plant"])
+
+
 def text_table(runs: list[dict[str, Any]]) -> str:
     """Runs of one scenario and plant as text for a terminal."""
     first = runs[0]
@@ -77,7 +92,7 @@ def text_table(runs: list[dict[str, Any]]) -> str:
         for n in (0, 1)
     )
     lines = [
-        f"{first['scenario']} on {first['plant']}",
+        _flown(first),
         f"{'':<14}{'':<{wide}}{above}",
         f"{'channel':<14}{'controller':<{wide}}{below}",
     ]
@@ -139,7 +154,7 @@ def markdown_tables(runs: list[dict[str, Any]]) -> str:
         parts += [CAVEAT, ""]
     for scenario, plant in dict.fromkeys((r["scenario"], r["plant"]) for r in runs):
         group = [r for r in runs if (r["scenario"], r["plant"]) == (scenario, plant)]
-        parts += [f"\n## {scenario} on {plant}\n", *_markdown_group(group), ""]
+        parts += [f"\n## {_flown(group[0])}\n", *_markdown_group(group), ""]
         parts += [f"- {r['controller']}: {outcome(r)}" for r in group]
         parts += [f"- {text}" for text in _explained(group)]
     return "\n".join(parts) + "\n"

@@ -90,6 +90,8 @@ def tunable_paths(loop: ClosedLoop) -> tuple[str, ...]:
 def expand(loop: ClosedLoop, paths: Sequence[str]) -> tuple[str, ...]:
     """Whole paths for paths that end early or have `*` for a component.
 
+    A name alone, such as `heading`, stands for all whose path has it, wherever it is.
+
     Raises:
         ValueError: a path under which nothing can be tuned.
     """
@@ -103,6 +105,7 @@ def expand(loop: ClosedLoop, paths: Sequence[str]) -> tuple[str, ...]:
             if len(wanted) <= len(parts)
             and all(w in ("*", part) for w, part in zip(wanted, parts, strict=False))
         ]
+        under = under or [path for path, parts in known if pattern in parts]
         if not under:
             raise ValueError(_unknown(pattern, [path for path, _ in known]))
         matches.update(dict.fromkeys(under))
@@ -234,9 +237,11 @@ def leaves(loop: ClosedLoop, paths: Sequence[str]) -> list[Any]:
 
 def _unknown(pattern: str, known: list[str]) -> str:
     groups = {".".join(path.split(".")[:n]) for path in known for n in range(1, 6)}
-    # A word from within a path, such as the name of a channel, is meant as its end.
+    # A path from within, such as gains.heading, is meant as an end.
     near = sorted(g for g in groups if g.endswith(f".{pattern}"))
     near = near or difflib.get_close_matches(pattern, sorted(groups), 3)
+    words = {part for path in known for part in path.split(".")}
+    near = near or difflib.get_close_matches(pattern, sorted(words), 3)
     if near:
         return (
             f"{pattern!r} names nothing to tune in this closed loop; did you mean "

@@ -16,6 +16,7 @@ from tuning.reporting.statistics import (
     probability,
     spread,
 )
+from tuning.reporting.tables import headline
 
 MEASURES = (
     *(
@@ -118,6 +119,7 @@ class CampaignSummary:
         paired: comparisons of the first set of gains with each other one.
         requirements: verdict on each requirement for each set of gains.
         provenance: versions, hardware, command and time.
+        vehicle: name of the vehicle; empty where loops were given.
     """
 
     scenario: str
@@ -134,6 +136,12 @@ class CampaignSummary:
     paired: list[dict[str, Any]]
     requirements: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     provenance: dict[str, Any] = dataclasses.field(default_factory=dict)
+    vehicle: str = ""
+
+    @property
+    def headline(self) -> str:
+        """Title of what was flown: case, vehicle and plant."""
+        return headline(self.scenario, self.vehicle, self.plant)
 
     @property
     def has_flights(self) -> bool:
@@ -196,6 +204,7 @@ def summarise(
         confidence=level,
         controllers=controllers,
         paired=comparisons(table),
+        vehicle="" if settings.digest else settings.case().vehicle,
     )
 
 

@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from jaxglider.plotting.lines import plain_numbers
+from jaxglider.plotting.series import continuous_degrees
 from jaxglider.plotting.style import (
     FAINT,
     INK,
@@ -40,16 +42,18 @@ def draw_ribbons(axes: Any, ribbons: Ribbons, colour: str) -> Any:
     panels = flat(axes, 3, "draw_ribbons")
     for axis, channel in zip(panels, CHANNELS, strict=True):
         unit, scale = _SHOWN[channel]
-        known = np.any(np.isfinite(ribbons.errors[channel]), axis=0)
+        errors, worst = ribbons.errors[channel], ribbons.worst[channel]
+        if channel == "heading":
+            # The range of a member that turns round would jump by a whole turn.
+            errors, worst = (_continuous(x) for x in (errors, worst))
+        known = np.any(np.isfinite(errors), axis=0)
         time = ribbons.time[known]
         low, middle, high = scale * np.nanquantile(
-            ribbons.errors[channel][:, known], [0.05, 0.5, 0.95], axis=0
+            errors[:, known], [0.05, 0.5, 0.95], axis=0
         )
         axis.fill_between(time, low, high, color=colour, alpha=0.3, lw=0.0)
         axis.plot(time, middle, color=colour)
-        axis.plot(
-            ribbons.time, scale * ribbons.worst[channel], color=INK, lw=0.7, ls="--"
-        )
+        axis.plot(ribbons.time, scale * worst, color=INK, lw=0.7, ls="--")
         for edge in ribbons.edges[channel]:
             axis.plot(ribbons.time, scale * edge, color=FAINT, lw=0.8, ls=":")
         _within(axis, scale, ribbons, channel)
@@ -65,6 +69,11 @@ def draw_ribbons(axes: Any, ribbons: Ribbons, colour: str) -> Any:
         ],
     )
     return axes
+
+
+def _continuous(angle: np.ndarray) -> np.ndarray:
+    """Angles [rad] over the last axis without jumps of whole turns."""
+    return np.radians(np.apply_along_axis(continuous_degrees, -1, angle))
 
 
 def _within(axis: Axes, scale: float, ribbons: Ribbons, channel: str) -> None:
@@ -156,7 +165,9 @@ def scatter(
         colour: colour of the points.
     """
     known = np.isfinite(severity)
-    axis.scatter(values[known], severity[known], s=3.0, color=colour, alpha=0.5, lw=0.0)
+    # A few dots are to be seen, thousands to be told apart.
+    size = np.clip(1500.0 / max(len(severity), 1), 3.0, 15.0)
+    axis.scatter(values[known], severity[known], size, color=colour, alpha=0.5, lw=0.0)
     if np.any(~known):
         top = np.full(np.sum(~known), axis.get_ylim()[1])
         axis.plot(values[~known], top, "x", color=INK, ms=4.0, label="not finite")
@@ -164,6 +175,7 @@ def scatter(
     axis.axhline(1.0, color=FAINT, lw=0.8, ls=":")
     axis.set_yscale("log")
     axis.set(xlabel=name, ylabel="largest error over its funnel")
+    plain_numbers(axis.yaxis)
     return axis
 
 
@@ -258,7 +270,8 @@ def specification(
     if threshold is not None and None not in (threshold.holds_at, threshold.fails_at):
         low, high = (100.0 * float(x or 0) for x in dataclasses.astuple(threshold))
         axis.axvspan(low, high, color=SHADE, lw=0.0, zorder=0, label="stops to hold")
-    axis.set(xlabel="half width of the uncertainty (%)", ylabel="P(breaks it)")
+    axis.set_xlabel("half width of the uncertainty (%)")
+    axis.set_ylabel("P(breaks the specification)")
     axis.set_ylim(-0.02, 1.02)
     legend_above(axis, axis.get_legend_handles_labels()[0])
     return axis

@@ -1,11 +1,14 @@
 """Several levels of uncertainty side by side: how likely is trouble at each."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from matplotlib.figure import Figure
+
 from jaxglider.files.writing import write_json, write_text
+from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.save import save
 from jaxglider.plotting.style import COLUMN, look, new_figure
 from tuning.campaign.analysis.bisection import Threshold
@@ -85,18 +88,13 @@ def write_levels(
         return
     ordered = list(summaries.values())
     parts = [
-        f"# How sure: {ordered[0].scenario} on {ordered[0].plant}\n",
+        f"# How sure: {ordered[0].headline}\n",
         f"{ordered[0].members} members at each level, with the same draws, only "
         f"wider. Brackets are {100 * ordered[0].confidence:g} % intervals.\n",
     ]
     if all(isinstance(summary.uncertainty, float) for summary in ordered):
-        with look():
-            figure = new_figure(COLUMN, 2.6)
-            figures.levels(figure.subplots(), ordered)
-            save(figure, folder / "levels.png")
-            figure = new_figure(COLUMN, 2.6)
-            figures.specification(figure.subplots(), ordered, threshold)
-            save(figure, folder / "specification.png")
+        for name, figure in level_figures(ordered, threshold):
+            save(figure, folder / f"{name}.png")
         parts.append("![levels](levels.png)\n")
         parts += _specified(ordered, threshold)
     labels = list(ordered[0].controllers)
@@ -124,6 +122,28 @@ def write_levels(
     text = "\n".join(parts) + "\n"
     write_text(folder / "report.md", text)
     write_html(folder / "report.html", text, ordered[0].provenance)
+
+
+def level_figures(
+    summaries: Sequence[CampaignSummary], threshold: Threshold | None
+) -> Iterator[tuple[str, Figure]]:
+    """Name and figure of what grows with the uncertainty.
+
+    Args:
+        summaries: summaries of the levels, in their order.
+        threshold: bracket of the level at which the specification stops to hold.
+    """
+    title = summaries[0].headline
+    with look():
+        figure = new_figure(COLUMN, 2.8)
+        figures.levels(figure.subplots(), summaries)
+        entitle(figure, title)
+    yield "levels", figure
+    with look():
+        figure = new_figure(COLUMN, 2.8)
+        figures.specification(figure.subplots(), summaries, threshold)
+        entitle(figure, title)
+    yield "specification", figure
 
 
 def _specified(

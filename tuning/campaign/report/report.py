@@ -3,33 +3,20 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from jaxglider.files.writing import write_text
 from jaxglider.plotting.save import save
-from jaxglider.plotting.style import (
-    COLUMN,
-    PAGE,
-    legend_above,
-    look,
-    new_figure,
-    styles,
-)
-from tuning.campaign.analysis.rank_correlations import SEVERITY
 from tuning.campaign.analysis.ribbons import ribbons
-from tuning.campaign.analysis.summary import CampaignSummary, severity
-from tuning.campaign.report import figures
+from tuning.campaign.analysis.summary import CampaignSummary
+from tuning.campaign.report.draw import campaign_figures
 from tuning.campaign.report.flights_section import flights_section
 from tuning.campaign.report.names import DEPTH_ERRORS, ERRORS, NAMED, with_unit
-from tuning.campaign.report.sensitivity_section import blamed, sobol_figure
+from tuning.campaign.report.sensitivity_section import blamed
 from tuning.campaign.report.specified_section import specified_section
 from tuning.campaign.report.text import brackets, in_interval, short, told
 from tuning.campaign.run.campaign import Campaign
 from tuning.campaign.run.rows import Rows
 from tuning.reporting.html import write_html
 from tuning.reporting.tables import markdown_table
-
-_TOP = 8
 
 
 def write_campaign_report(
@@ -50,7 +37,7 @@ def write_campaign_report(
     parts += [_picture("convergence"), *_measures(summary), _picture("distributions")]
     parts += [*_compared(summary), *_failed(summary), *_driven(summary)]
     parts += blamed(summary)
-    parts += [_picture(name) for name in names]
+    parts += [_picture(n) for n in names if n not in ("convergence", "distributions")]
     text = "\n".join(parts) + "\n"
     write_text(folder / "report.md", text)
     write_html(folder / "report.html", text, summary.provenance)
@@ -72,7 +59,7 @@ def _head(summary: CampaignSummary) -> str:
         "the intervals are then usually too wide."
     )
     return (
-        f"# How sure: {summary.scenario} on {summary.plant}\n\n"
+        f"# How sure: {summary.headline}\n\n"
         f"{summary.members} members, the same for every set of gains. {how} All "
         "are judged by one specification, whatever their own funnels are. A run that "
         "became non-finite counts as every kind of trouble and as worse than any "
@@ -196,78 +183,19 @@ def _picture(name: str) -> str:
 def _figures(
     folder: Path, campaign: Campaign, table: Rows, summary: CampaignSummary
 ) -> list[str]:
-    """Draw; the names of the figures that stand at the end of the report."""
+    """Draw; the names of the figures."""
     folder.mkdir(parents=True, exist_ok=True)
-    styled = styles(table.labels)
-    with look():
-        figure = new_figure(COLUMN, 2.6)
-        figures.convergence(figure.subplots(), table)
-        save(figure, folder / "convergence.png")
-        figure = new_figure(PAGE, 2.4)
-        figures.distributions(figure.subplots(1, 3, sharey=True), table)
-        save(figure, folder / "distributions.png")
-        figure = new_figure(PAGE, 2.6)
-        panels = figure.subplots(1, len(table.labels), squeeze=False)[0]
-        quantities = campaign.uncertainty.quantities
-        for number, (label, style) in enumerate(styled.items()):
-            ranked = summary.controllers[label].rank_correlations[SEVERITY]
-            if not ranked:
-                continue
-            worst = ranked[0]["quantity"]
-            column = campaign.uncertainty.names().index(worst)
-            title = f"{worst} ({quantities[column].unit})"
-            values = np.array(table.rows["values"][:, column])
-            figures.scatter(
-                panels[number], values, title, severity(table, number), style.colour
-            )
-            panels[number].set_title(label, loc="left")
-        save(figure, folder / "scatter.png")
-        _correlation_bars(folder, summary)
-        names = ["scatter", "rank_correlations"]
-        for number, controller in enumerate(summary.controllers.values()):
-            if controller.sensitivity is not None:
-                names.append(f"sobol_{number}")
-                save(
-                    sobol_figure(controller.sensitivity), folder / f"sobol_{number}.png"
-                )
-        for number, (label, style) in enumerate(styled.items()):
-            curves = ribbons(
-                campaign,
-                number,
-                len(table),
-                summary.controllers[label].worst_member,
-            )
-            figure = new_figure(COLUMN, 4.6)
-            figures.draw_ribbons(
-                figure.subplots(3, 1, sharex=True), curves, style.colour
-            )
-            figure.suptitle(label, fontsize=8.0)
-            names.append(f"ribbons_{number}")
-            save(figure, folder / f"ribbons_{number}.png")
+    shown = [
+        ribbons(campaign, number, len(table), of.worst_member)
+        for number, of in enumerate(summary.controllers.values())
+    ]
+    quantities = campaign.uncertainty.quantities
+    units = {
+        name: of.unit
+        for name, of in zip(campaign.uncertainty.names(), quantities, strict=True)
+    }
+    names = []
+    for name, figure in campaign_figures(units, table, summary, shown):
+        save(figure, folder / f"{name}.png")
+        names.append(name)
     return names
-
-
-def _correlation_bars(folder: Path, summary: CampaignSummary) -> None:
-    """The strongest rank correlations with the severity, of every set of gains."""
-    correlations = {
-        label: {e["quantity"]: e for e in entry.rank_correlations[SEVERITY]}
-        for label, entry in summary.controllers.items()
-    }
-    first = next(iter(correlations.values()))
-    strongest = {q: max(abs(f[q]["rho"]) for f in correlations.values()) for q in first}
-    names = sorted(strongest, key=lambda q: -strongest[q])[:_TOP]
-    groups = {
-        label: (
-            np.array([entries[q]["rho"] for q in names]),
-            np.array([entries[q]["interval"][0] for q in names]),
-            np.array([entries[q]["interval"][1] for q in names]),
-        )
-        for label, entries in correlations.items()
-    }
-    figure = new_figure(COLUMN, 0.6 + 0.32 * len(names))
-    axis = figure.subplots()
-    colours = [style.colour for style in styles(correlations).values()]
-    figures.bars(axis, names, groups, colours)
-    axis.set_xlabel("rank correlation with the severity")
-    legend_above(axis, axis.get_legend_handles_labels()[0])
-    save(figure, folder / "rank_correlations.png")

@@ -5,7 +5,13 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxglider.plotting.style import PAGE, distinct_styles, legend_above, new_figure
+from jaxglider.plotting.style import (
+    PAGE,
+    distinct_styles,
+    in_words,
+    legend_above,
+    new_figure,
+)
 from tuning.campaign.analysis.rank_correlations import LEFT, SEVERITY
 from tuning.campaign.analysis.summary import CampaignSummary
 from tuning.campaign.report import figures
@@ -122,5 +128,8 @@ def sobol_figure(sensitivity: dict[str, Any]) -> Figure:
         # Too few blocks give intervals that would dwarf every bar.
         low, high = axis.get_xlim()
         axis.set_xlim(max(low, -0.5), min(high, 1.5))
+        largest = groups["total"][0].max()
+        if largest > 1.5:
+            axis.set_title(f"up to {in_words(largest)}", loc="right", pad=3.0)
         legend_above(axis, axis.get_legend_handles_labels()[0])
     return figure

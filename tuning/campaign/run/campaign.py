@@ -27,6 +27,7 @@ from jaxglider.uncertainty.sampling import (
 from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import GainSet
 from tuning.problem.members import SWEEP
+from tuning.reporting.tables import headline
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,6 +81,12 @@ class CampaignSettings:
         return FlightCase.of_paper(
             self.scenario, self.plant, self.dt, self.duration, self.actuators
         )
+
+    def headline(self) -> str:
+        """Title of what is flown: case, vehicle and plant."""
+        if self.digest:
+            return headline(self.scenario, "", self.plant)
+        return self.case().headline
 
     def fingerprint(self) -> str:
         """A digest of everything that the rows depend on."""

@@ -14,14 +14,14 @@ from tuning.reporting.output_folder import folder_name
 
 def check(options: argparse.Namespace) -> int:
     """`jaxglider check-gradients`: reverse mode against differences, gain by gain."""
-    outcome = check_problem(
-        nominal_spec(options), short=options.short, progress=Progress()
-    )
+    spec = nominal_spec(options)
+    outcome = check_problem(spec, short=options.short, progress=Progress())
     about = provenance(command=sys.argv[1:], precision=options.precision)
     content = {**outcome.to_dict(), "provenance": about}
     if options.out is not None:
         write_json(options.out / "gradients.json", content)
-        text = f"# How far gradients can be trusted\n\n```\n{outcome}\n```\n"
+        title = f"{spec.case.headline}, {spec.controller}"
+        text = f"# How far gradients can be trusted: {title}\n\n{outcome.markdown()}"
         write_html(options.out / "report.html", text, about)
         note(f"{folder_name(options.out)}: gradients.json and report.html.")
     print_result(content, str(outcome), as_json=options.json)

@@ -8,6 +8,7 @@ from typing import Any
 from jaxglider import paper
 from jaxglider.files.mission import load_mission
 from jaxglider.paper.tuned import has_tuned_gains
+from jaxglider.vehicle.published import load_vehicle
 from tuning.cli.options.arguments import PAPER_CONTROLLERS
 from tuning.cli.session.from_options import refuse_beside_mission
 from tuning.evaluation.runs import PlannedRun, report_runs, run_all
@@ -23,11 +24,14 @@ from tuning.problem.gain_sets import (
 )
 from tuning.reporting.console import note
 from tuning.reporting.output_folder import keep_other_results
+from tuning.reporting.tracks import check_plotly
 
 
 def compare(options: argparse.Namespace) -> int:
     """`jaxglider compare`: the paper's cases, or a mission, under the same sea."""
     check_kind(options.table)
+    if options.interactive:
+        check_plotly()
     keep_other_results(
         options.out / "metrics.json", sys.argv[1:], overwrite=options.overwrite
     )
@@ -60,7 +64,9 @@ def _compare_on_mission(options: argparse.Namespace) -> int:
         )
     sets = case.resolve([MISSION, *([PAPER] if kinds else []), *words], kinds)
     entries = [
-        PlannedRun(mission.name, mission.plant, one.label, case.loop(one)[1], False)
+        PlannedRun(
+            case.title, case.vehicle, case.plant, one.label, case.loop(one)[1], False
+        )
         for one in sets
     ]
     done, interrupted = run_all(entries, seed=mission.seed)
@@ -96,7 +102,13 @@ def _paper_entries(
         sets += _tuned_sets(kinds, scenario, options.plant)
     for gains in sets:
         law = gains.load(scenario, model)
-        yield PlannedRun(scenario, options.plant, gains.label, law.on(setting))
+        yield PlannedRun(
+            scenario,
+            load_vehicle("seawing").name,
+            options.plant,
+            gains.label,
+            law.on(setting),
+        )
 
 
 def _tuned_sets(kinds: Sequence[str], scenario: str, plant: str) -> tuple[GainSet, ...]:

@@ -85,8 +85,8 @@ def _rerun(
     about, origin = result["provenance"], loop.scenario.origin
     write_trajectories(out / "trajectories.nc", runs, about, origin)
     settings = manifest.settings
-    title = f"member {member}: {settings.scenario} on {settings.plant}"
-    figures = save_all(out / "figures", loop.scenario, runs, ("png",), None, title)
+    title = f"member {member}, {settings.headline()}"
+    figures = save_all(out / "figures", loop.scenario, runs, ("png",), {}, title)
     write_html(out / "report.html", _page(result, title), about, figures)
     progress.clear()
     note(
@@ -195,12 +195,14 @@ def _result(
     runs: dict[str, Trajectory],
 ) -> dict[str, Any]:
     settings = manifest.settings
+    vehicle = "" if settings.digest else settings.case().vehicle
     found = []
     for number, (label, run) in enumerate(runs.items()):
         row = kept["metrics"][number]
         metrics = row[: len(METRIC_COLUMNS)]
         loop = campaign.loops[number]
-        entry = PlannedRun(settings.scenario, settings.plant, label, loop, False)
+        where = settings.scenario, vehicle, settings.plant
+        entry = PlannedRun(*where, label, loop, published=False)
         found.append(
             {
                 **FinishedRun(entry, run).summary(),

@@ -30,6 +30,7 @@ from tuning.problem.gain_sets import PAPER
 from tuning.reporting.console import note
 from tuning.reporting.exit_codes import RUN_FAILED
 from tuning.reporting.output_folder import keep_other_results
+from tuning.reporting.tracks import check_plotly
 
 
 def simulate_mission(options: argparse.Namespace) -> int:
@@ -44,6 +45,8 @@ def simulate_mission(options: argparse.Namespace) -> int:
             "writes one to start from, `jaxglider missions` lists some that fly."
         )
     check_kind(options.table)
+    if options.interactive:
+        check_plotly()
     keep_other_results(
         options.out / "metrics.json", sys.argv[1:], overwrite=options.overwrite
     )
@@ -69,7 +72,7 @@ def simulate_mission(options: argparse.Namespace) -> int:
         note(f"warning: {warning}")
     if options.stability:
         note_stability(loop)
-    entry = PlannedRun(mission.name, mission.plant, name, loop, published=False)
+    entry = _planned(mission, name, loop)
     done, interrupted = run_all([entry], seed=seed, keep_every=options.keep_every)
     code = report_runs(options, done, interrupted, seed)
     if options.og1 and done:
@@ -86,6 +89,13 @@ def _write_og1(out: Path, mission: Mission, run: FinishedRun) -> None:
     note(f"{path}: OG-1.0; `jaxglider record` reads it.")
 
 
+def _planned(mission: Mission, name: str, loop: ClosedLoop) -> PlannedRun:
+    """The run of a mission by the law of that name."""
+    return PlannedRun(
+        mission.name, mission.vehicle, mission.plant, name, loop, published=False
+    )
+
+
 def _simulate_outside(options: argparse.Namespace, mission: Mission, seed: int) -> int:
     """The same with a program in the place of controller and observer."""
     loop = mission.loop
@@ -100,7 +110,7 @@ def _simulate_outside(options: argparse.Namespace, mission: Mission, seed: int) 
         )
         loop = ClosedLoop(loop.scenario, outside, NoObserver(), loop.estimator)
         name = Path(options.controller_binary).name
-        entry = PlannedRun(mission.name, mission.plant, name, loop, published=False)
+        entry = _planned(mission, name, loop)
         done, interrupted = run_all([entry], seed=seed)
         if peer.failure is not None:
             note(f"{peer.failure} Nothing is written.")

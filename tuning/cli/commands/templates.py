@@ -1,6 +1,7 @@
 """The commands that write a file to begin with, check a mission, or turn settings."""
 
 import argparse
+import re
 import sys
 from pathlib import Path
 
@@ -11,8 +12,11 @@ from jaxglider.files import mission, uncertainty
 from jaxglider.files.gains import read_gains
 from jaxglider.files.settings.lists import KNOWN, Settings, read_settings, settings_of
 from jaxglider.files.writing import write_text
+from jaxglider.paper import PLANTS, default_actuators
+from jaxglider.signals import COMMAND_UNITS
 from jaxglider.simulation.checks.sense import sense_warnings
 from jaxglider.simulation.checks.start import start_warnings
+from jaxglider.vehicle.published import load_vehicle
 from tuning.evaluation.runs import note_stability
 from tuning.reporting.console import note
 from tuning.reporting.exit_codes import OK
@@ -25,18 +29,72 @@ def init(options: argparse.Namespace) -> int:
         ValueError: the file exists.
         OSError: it cannot be written.
     """
+    if options.uncertainty and (options.vehicle or options.plant):
+        raise ValueError(
+            "--vehicle and --plant go with a mission file, which says them; an "
+            "uncertainty file says only how far numbers are off."
+        )
     kind = "uncertainty" if options.uncertainty else "mission"
     path = options.path or Path(f"{kind}.toml")
     if path.exists() and not options.force:
         raise ValueError(f"{path} exists; choose another name or use --force.")
-    template = (uncertainty if options.uncertainty else mission).TEMPLATE
+    text = (uncertainty if options.uncertainty else mission).TEMPLATE()
+    if options.vehicle or options.plant:
+        text = _for_glider(text, options.vehicle or "seawing", options.plant)
     try:
-        write_text(path, template())
+        write_text(path, text)
     except OSError as error:
         raise OSError(f"{path} cannot be written: {reason(error)}.") from error
     use = "tune --uncertainty" if options.uncertainty else "simulate"
     sys.stdout.write(f"{path} written. Edit it, then: jaxglider {use} {path}\n")
     return OK
+
+
+def _for_glider(text: str, name: str, plant: str | None) -> str:
+    """The mission template with another glider: its limits, and how it can be flown.
+
+    Args:
+        text: text of the template.
+        name: name of a vehicle of the package, or the path of a .toml file.
+        plant: name of the plant, or None for one that flies it.
+
+    Raises:
+        ValueError: the vehicle cannot be read, or its file is too short for the plant.
+    """
+    vehicle = load_vehicle(name)
+    if plant is None:
+        # The small-angle equations have no fin.
+        plant = "rigid-body" if vehicle.fin is None else "seawing"
+    PLANTS[plant](vehicle)
+    data = str(Path(name).absolute()) if name.endswith(".toml") else name
+    text = _put(text, "vehicle", "data", f'"{data}"')
+    text = _put(text, "vehicle", "plant", f'"{plant}"')
+    actuators = default_actuators(plant)
+    text = _put(text, "actuators", "type", f'"{actuators}"')
+    for key, unit in COMMAND_UNITS.items():
+        table = f"actuators.{key}"
+        limit = float(getattr(vehicle.limits, key))
+        text = _put(text, table, f"limit_{unit}", f"{limit:.10g}")
+        # A pump has rates of its own, which a rate here would replace.
+        pumped = key == "buoyancy_mass" and vehicle.pump
+        if actuators == "vehicle" and vehicle.rates is not None and not pumped:
+            rate = float(getattr(vehicle.rates, key))
+            text = _put(text, table, f"rate_limit_{unit}_s", f"{rate:.10g}")
+    return text
+
+
+def _put(text: str, table: str, key: str, value: str) -> str:
+    """The template with a value, its comment in its column; what was left out is in."""
+    start = text.index(f"[{table}]")
+    line = re.compile(rf"^(?:# )?({key} = )\S+( *)(#.*)?$", re.MULTILINE)
+    found = line.search(text, start)
+    if found is None:
+        raise LookupError(f"the template has no {table}.{key}")
+    comment = found[3] or ""
+    changed = f"{found[1]}{value}"
+    if comment:
+        changed = f"{changed} ".ljust(found.start(3) - found.start()) + comment
+    return text[: found.start()] + changed + text[found.end() :]
 
 
 def validate(options: argparse.Namespace) -> int:

@@ -12,7 +12,8 @@ import numpy as np
 from jaxglider import paper
 from jaxglider.core.toml import reason
 from jaxglider.files.writing import provenance, write_json
-from jaxglider.plotting.glide import save_glide
+from jaxglider.plotting.glide import glide_figure
+from jaxglider.plotting.save import save
 from jaxglider.trim.linear_model import INPUTS, linearise
 from jaxglider.trim.modes import Analysis, Mode, analyse
 from jaxglider.trim.steady_motion import SteadyMotion, Target, steady_motion
@@ -69,9 +70,8 @@ def trim(options: argparse.Namespace) -> int:
     }
     print_result(result, _text(result), as_json=options.json)
     write_json(options.out / "trim.json", result)
-    figure = save_glide(
-        options.out / "trim.png", vehicle, plant, motion, analysis, options.plant
-    )
+    drawn = glide_figure(vehicle, plant, motion, analysis, options.plant)
+    figure = save(drawn, options.out / "trim.png")
     note(f"{folder_name(options.out)}: trim.json and {figure.name}.")
     for name in beyond:
         note(f"{name} is beyond the actuator's limit: the vehicle cannot hold this.")

@@ -210,11 +210,17 @@ def add_overwrite(parser: argparse.ArgumentParser) -> None:
 
 
 def add_table(parser: argparse.ArgumentParser) -> None:
-    """Trajectories as tables, and dives as pages, beside trajectories.nc."""
+    """Trajectories as tables, tracks to zoom into, and dives as pages."""
     parser.add_argument(
         "--table",
         choices=("csv", "parquet"),
         help="write each trajectory as such a table too; parquet needs pyarrow",
+    )
+    parser.add_argument(
+        "--interactive",
+        action="store_true",
+        help="tracks in report.html that one can zoom into; needs plotly, and makes "
+        "the report 5 MB larger",
     )
     parser.add_argument(
         "--pages",

@@ -9,11 +9,15 @@ from tuning.cli.options.short_errors import Mission, nearest
 
 def shipped_missions() -> dict[str, Path]:
     """Files of the missions of the package by their names; the package stays asleep."""
+    return _shipped("files/flight/missions")
+
+
+def _shipped(folder: str) -> dict[str, Path]:
     spec = importlib.util.find_spec("jaxglider")
     if spec is None or spec.origin is None:
         return {}
-    folder = Path(spec.origin).parent / "files" / "flight" / "missions"
-    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+    place = Path(spec.origin).parent / folder
+    return {path.stem: path for path in sorted(place.glob("*.toml"))}
 
 
 def mission_file(text: str) -> Path:
@@ -26,7 +30,8 @@ def mission_file(text: str) -> Path:
     """
     path = Path(text)
     # What is no name may be the value of an option that is misspelt.
-    if path.exists() or path.suffix or not nearest(text, shipped_missions()):
+    known = {**shipped_missions(), **_shipped("vehicle/data")}
+    if path.exists() or path.suffix or not nearest(text, known):
         return path
     return mission_name(text)
 
@@ -39,9 +44,13 @@ def mission_name(text: str) -> Path:
     """
     known = shipped_missions()
     if text not in known:
+        hint = nearest(text, known)
+        if text in _shipped("vehicle/data"):
+            hint = (
+                f", a glider: `jaxglider init --vehicle {text}` writes a mission for it"
+            )
         raise argparse.ArgumentTypeError(
-            f"must be one of {', '.join(known)}; received {text!r}"
-            f"{nearest(text, known)}"
+            f"must be one of {', '.join(known)}; received {text!r}{hint}"
         )
     return known[text]
 

@@ -7,6 +7,12 @@ import sys
 from collections.abc import Iterable, Sequence
 from typing import Any, NoReturn
 
+_GLIDER = ("--vehicle", "--plant")
+GLIDER = (
+    ": the glider is the mission's, in its table [vehicle]; `jaxglider init --vehicle "
+    "NAME` writes a mission for another one"
+)
+"""Advice where a command has no option for the glider."""
 _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
 
 
@@ -29,13 +35,16 @@ class Parser(argparse.ArgumentParser):
         self, args: Sequence[str] | None = None, namespace: Any = None
     ) -> tuple[argparse.Namespace, list[str]]:
         """The options; what is none of this command's is refused here, not above."""
+        names = [name for one in self._actions for name in one.option_strings]
+        for word in args or () if self._subparsers is None else ():
+            name = word.partition("=")[0]
+            # Before its value is taken for a mission.
+            if name in _GLIDER and name not in names:
+                self.error(f"unrecognized argument {name}{GLIDER}")
         options, rest = super().parse_known_args(args, namespace)
         if rest:
-            names = [name for one in self._actions for name in one.option_strings]
-            first = rest[0].partition("=")[0]
-            self.error(
-                f"unrecognized arguments: {' '.join(rest)}{nearest(first, names)}"
-            )
+            near = nearest(rest[0].partition("=")[0], names)
+            self.error(f"unrecognized arguments: {' '.join(rest)}{near}")
         return options, rest
 
 

@@ -155,9 +155,9 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="PATH",
-        help="what to tune: dotted paths, `*` for any component, as "
-        "controller.gains.*.k1 controller.steering observer.integral "
-        "scenario.reference.line_of_sight; "
+        help="what to tune: a name, as heading, for all whose path has it; dotted "
+        "paths, `*` for any component, as controller.gains.*.k1 controller.steering "
+        "observer.integral scenario.reference.line_of_sight; "
         "default: all of the controller and its observer",
     )
     parser.add_argument(

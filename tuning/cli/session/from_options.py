@@ -57,9 +57,10 @@ def refuse_beside_mission(options: argparse.Namespace) -> None:
         return
     for name in ("scenario", "plant", "dt", "actuators"):
         if getattr(options, name, None) is not None:
+            key = " as vehicle.plant" if name == "plant" else ""
             raise ValueError(
-                f"--{name} does not go with --config; the mission file "
-                f"{options.config} says it itself. Leave it out."
+                f"--{name} does not go with a mission: the file {options.config} says "
+                f"it itself{key}. Leave the option out."
             )
 
 

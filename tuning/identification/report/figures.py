@@ -1,11 +1,10 @@
 """Figures of a fit: measured and simulated side by side, and what is left over."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from jaxglider.plotting.save import save
+from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.style import (
     INK,
     PAGE,
@@ -26,11 +25,10 @@ _LABELS = {
 _DIVES = 3
 
 
-def save_fit(path: Path, fit: Fit, verdict: Verdict) -> Path:
-    """Write measured and simulated channels of the first dives held out.
+def fit_figure(fit: Fit, verdict: Verdict) -> Figure:
+    """Measured and simulated channels of the first dives held out.
 
     Args:
-        path: path of the file.
         fit: the fit.
         verdict: verdict with the simulations.
     """
@@ -51,13 +49,12 @@ def save_fit(path: Path, fit: Fit, verdict: Verdict) -> Path:
         legend_above(axes[1], axes[1].get_legend_handles_labels()[0])
         figure.align_ylabels()
         numbers = ", ".join(str(n) for n in shown)
-        figure.suptitle(
-            f"{fit.vehicle.name}, {fit.plan.kind} fit; held-out dives {numbers}",
-            fontsize=8,
-            x=0.01,
-            ha="left",
-        )
-    return save(figure, path)
+        entitle(figure, f"{_title(fit)}: held-out dives {numbers}")
+    return figure
+
+
+def _title(fit: Fit) -> str:
+    return f"{fit.vehicle.name}, {fit.plan.kind} fit"
 
 
 def _compare(
@@ -98,11 +95,10 @@ def _compare(
     axis.set_ylabel(label)
 
 
-def save_residuals(path: Path, fit: Fit, verdict: Verdict) -> Path:
-    """Write the errors of the held-out dives over depth, time since a turn, and pitch.
+def residuals_figure(fit: Fit, verdict: Verdict) -> Figure:
+    """The errors of the held-out dives over depth, time since a turn, and pitch.
 
     Args:
-        path: path of the file.
         fit: the fit.
         verdict: verdict with the simulations.
     """
@@ -128,10 +124,8 @@ def save_residuals(path: Path, fit: Fit, verdict: Verdict) -> Path:
                 axis.set_xlabel(title if name == names[-1] else "")
             row[0].set_ylabel(label)
         legend_above(grid[0, -1], grid[0, -1].get_legend_handles_labels()[0])
-        figure.suptitle(
-            "simulated less measured, held-out dives", fontsize=8, x=0.01, ha="left"
-        )
-    return save(figure, path)
+        entitle(figure, f"{_title(fit)}: simulated less measured, held-out dives")
+    return figure
 
 
 def _scatter(

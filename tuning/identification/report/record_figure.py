@@ -1,11 +1,10 @@
 """Figure of a record: depth, attitude, actuators and water over time."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from jaxglider.plotting.save import save
+from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.style import (
     PAGE,
     distinct_styles,
@@ -26,11 +25,10 @@ _PANELS: tuple[tuple[str, tuple[str, ...], float], ...] = (
 _MOST = 4000
 
 
-def save_record(path: Path, record: FlightRecord) -> Path:
-    """Write the figure of a record.
+def record_figure(record: FlightRecord) -> Figure:
+    """The figure of a record.
 
     Args:
-        path: path of the file.
         record: record to draw; channels it lacks have no panel.
     """
     panels = [p for p in _PANELS if any(record.has(name) for name in p[1])]
@@ -43,8 +41,8 @@ def save_record(path: Path, record: FlightRecord) -> Path:
             _panel(axis, record, names, factor, begin)
         axes[-1].set_xlabel("time (h)")
         figure.align_ylabels()
-        figure.suptitle(f"{record.name}, {record.kind}", fontsize=8, x=0.01, ha="left")
-    return save(figure, path)
+        entitle(figure, f"{record.name}, {record.kind}")
+    return figure
 
 
 def _panel(

@@ -34,5 +34,5 @@ def fit(options: argparse.Namespace) -> int:
     content = result.save(options.out, command=sys.argv[1:])
     print_result(content, text_of(content), as_json=options.json)
     files = ", ".join([*content["files"], "fit.json", "figures"])
-    note(f"{folder_name(options.out)}: {files} and report.md.")
+    note(f"{folder_name(options.out)}: {files}, report.md and report.html.")
     return OK

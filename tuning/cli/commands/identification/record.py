@@ -3,9 +3,10 @@
 import argparse
 
 from jaxglider.files.writing import write_json
+from jaxglider.plotting.save import save
 from tuning.identification.record.overview import overview, text_of
 from tuning.identification.record.reading import read_record
-from tuning.identification.report.record_figure import save_record
+from tuning.identification.report.record_figure import record_figure
 from tuning.reporting.console import note, print_result
 from tuning.reporting.exit_codes import OK
 from tuning.reporting.output_folder import folder_name
@@ -17,6 +18,6 @@ def record(options: argparse.Namespace) -> int:
     content = overview(flight)
     print_result(content, text_of(content), as_json=options.json)
     write_json(options.out / "record.json", content)
-    save_record(options.out / "record.png", flight)
+    save(record_figure(flight), options.out / "record.png")
     note(f"{folder_name(options.out)}: record.json and record.png.")
     return OK
