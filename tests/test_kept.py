@@ -213,7 +213,9 @@ def test_a_fingerprint_of_code_tells_what_the_code_holds(monkeypatch):
     assert code_fingerprint(around(1)) == found[0]
 
 
-@pytest.mark.parametrize("held", [object(), pytest, time.sleep], ids=repr)
+@pytest.mark.parametrize(
+    "held", [object(), pytest, time.sleep], ids=["object", "module", "builtin"]
+)
 def test_what_cannot_be_told_has_no_fingerprint(held):
     with pytest.raises(TypeError, match="no fingerprint"):
         code_fingerprint(held)
