@@ -22,7 +22,7 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.cli.session.jax_setup import start_jax
 
 MISSIONS = ("slocum-on-board", "seaglider-on-board")
-SEEDS = 4
+SEEDS = 16
 
 
 def still(loop: ClosedLoop) -> ClosedLoop:

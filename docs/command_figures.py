@@ -62,7 +62,7 @@ def record_tune() -> None:
     few = {"members": 2, "validation": 2, "test": 2}
     result = tuning.tune(loop, **few, steps=10, check=False, progress=False)
     gains = gains_of(result.problem, result.history)
-    with (RECORDED / "tune.csv").open("w", newline="") as file:
+    with (RECORDED / "tune.csv").open("w", encoding="utf-8", newline="") as file:
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(["number", "loss", "validation", "refused", *gains])
         for n, s in enumerate(result.history):
@@ -75,7 +75,7 @@ def record_tune() -> None:
 
 
 def _tune() -> Iterator[tuple[str, Figure]]:
-    with (RECORDED / "tune.csv").open(newline="") as file:
+    with (RECORDED / "tune.csv").open(encoding="utf-8", newline="") as file:
         names, *rows = list(csv.reader(file))
     table = {n: [float(row[k]) for row in rows] for k, n in enumerate(names)}
     head = [table.pop(n) for n in ("number", "loss", "validation", "refused")]
@@ -126,7 +126,7 @@ def record_sweep() -> None:
         "units": dict(zip(uncertainty.names(), units, strict=True)),
         "levels": told,
     }
-    (RECORDED / "sweep.json").write_text(json.dumps(content) + "\n")
+    (RECORDED / "sweep.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
 
 
 def _plain(summary: CampaignSummary) -> dict[str, Any]:
@@ -144,7 +144,7 @@ def _plain(summary: CampaignSummary) -> dict[str, Any]:
 
 
 def _sweep() -> Iterator[tuple[str, Figure]]:
-    content = json.loads((RECORDED / "sweep.json").read_text())
+    content = json.loads((RECORDED / "sweep.json").read_text(encoding="utf-8"))
     summaries = [_summary(table) for table in content["levels"]]
     with np.load(RECORDED / "sweep.npz") as file:
         arrays = dict(file)
@@ -189,11 +189,11 @@ def record_trim() -> None:
         "command": {k: float(v) for k, v in vars(motion.command).items()},
         "modes": np.array(modes).tolist(),
     }
-    (RECORDED / "trim.json").write_text(json.dumps(content) + "\n")
+    (RECORDED / "trim.json").write_text(json.dumps(content) + "\n", encoding="utf-8")
 
 
 def _trim() -> Iterator[tuple[str, Figure]]:
-    content = json.loads((RECORDED / "trim.json").read_text())
+    content = json.loads((RECORDED / "trim.json").read_text(encoding="utf-8"))
     state, command = GliderState(**content["state"]), Command(**content["command"])
     zero = jnp.zeros(())
     motion = SteadyMotion(state, command, zero, zero, jnp.asarray(True))

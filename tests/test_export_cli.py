@@ -91,7 +91,7 @@ def test_stablehlo_has_an_argument_for_every_scalar(call, tmp_path):
         (["--gains", "nowhere.toml"], ["nowhere.toml", "no such file"]),
         ([], ["--gains", "--config", "required", "neither"]),
         (["--gains", "paper", "mission.toml"], ["--gains", "required", "both"]),
-        (["--config", "mission.toml", "--plant", "printed"], ["--plant", "Leave it"]),
+        (["--config", "mission.toml", "--plant", "printed"], ["--plant", "Leave the"]),
         (
             ["--gains", "paper", "--safe", "1", "0", "0"],
             ["--safe", "0.4", "received 1"],

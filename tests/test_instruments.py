@@ -9,6 +9,7 @@ import jax.random as jr
 import numpy as np
 import pytest
 
+from jaxglider import paper
 from jaxglider.core.toml import ConfigError, TomlTable
 from jaxglider.files.flight.missions import mission_path
 from jaxglider.files.flight.sensor_tables import read_sensors, sensor_sets
@@ -20,9 +21,10 @@ from jaxglider.navigation.catalogue import (
     usual_instruments,
 )
 from jaxglider.navigation.estimator import innovation
+from jaxglider.navigation.reckoning import Reckoning
 from jaxglider.navigation.sensing.altimeter import Altimeter
 from jaxglider.navigation.sensing.instrument import Compass, Instrument
-from jaxglider.navigation.sensing.positioning import Positioning
+from jaxglider.navigation.sensing.positioning import Fix, Positioning
 from jaxglider.navigation.sensing.readings import Instruments, Reading, Sensed
 from jaxglider.signals import GliderState
 from tuning.problem.spec import ProblemSpec
@@ -256,3 +258,25 @@ def test_law_and_estimator_are_tuned_together_by_default():
     assert not any("model" in path or "gate" in path for path in free)
     told = load_mission(mission_path("slocum-shallow")).loop
     assert "estimator" not in ProblemSpec.of_loop(told).paths
+
+
+@pytest.mark.parametrize(
+    ("estimated", "shown", "dived"),
+    [(5.0, 5.0, True), (5.0, -0.5, False), (0.2, 40.0, False)],
+    ids=["both", "an estimator gone astray", "a sensor that jumps"],
+)
+def test_a_dive_is_one_where_sensor_and_estimator_say_so(estimated, shown, dived):
+    """Two minutes down, up again, and a fix 12 m off: a current of 0.1 m/s."""
+    plant = paper.make_scenario("switching", "rigid-body").plant
+    reckoning = Reckoning(plant.parameters)
+    number = lambda x: jnp.asarray(float(x))
+    at = lambda z: GliderState.at_rest(depth=z)
+    belief = reckoning.init(at(number(0.0)))
+    no_fix, fix = (Fix(jnp.asarray(x == 1), number(12.0), number(0.0)) for x in (0, 1))
+    step = jax.jit(lambda b, z, s, f: reckoning.step(b, at(z), s, f, number(4.0)))
+    for _ in range(29):
+        belief = step(belief, number(estimated), number(shown), no_fix)
+    belief = step(belief, number(0.0), number(0.0), no_fix)
+    belief = step(belief, number(0.0), number(0.0), fix)
+    north, east = belief.current
+    np.testing.assert_allclose([north, east], [0.1 * dived, 0.0], atol=1e-12)

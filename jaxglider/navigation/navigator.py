@@ -176,7 +176,9 @@ class Navigator(eqx.Module):
         relative = through_water(around.state, around.current)
         estimator = self.estimator.step(known.estimator, readings, moves, relative, dt)
         estimate = self.estimator.estimate(estimator)
-        reckoning = self.reckoning.step(known.reckoning, estimate, readings.fix, dt)
+        reckoning = self.reckoning.step(
+            known.reckoning, estimate, instruments.shown.depth, readings.fix, dt
+        )
         s = around.state
         north, east, _ = body_to_ned(s.attitude(), s.surge, s.sway, s.heave)
         sums = add_errors(

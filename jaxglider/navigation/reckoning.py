@@ -10,6 +10,9 @@ T the time since the last fix before the dive: the mean current over all depths,
 on the next leg. The first fix comes late; it is taken back to the surfacing by the
 drift between it and the newest one. A current that no sea has is not believed.
 
+A glider is down, and up again, where its depth sensor and its estimator both say so: a
+sensor may jump, and an estimator may go astray where the hull comes out of the water.
+
 Source: what the on-board programs of gliders do; the velocity limit is Slocum's.
 """
 
@@ -106,13 +109,19 @@ class Reckoning(Container):
         )
 
     def step(
-        self, before: ReckoningState, estimate: GliderState, fix: Fix | None, dt: Scalar
+        self,
+        before: ReckoningState,
+        estimate: GliderState,
+        shown: Scalar,
+        fix: Fix | None,
+        dt: Scalar,
     ) -> ReckoningState:
         """The belief one tick later.
 
         Args:
             before: belief one tick ago.
             estimate: estimated state at the end of the tick.
+            shown: depth that its sensor shows [m].
             fix: position by satellite, or None without a receiver.
             dt: tick [s].
         """
@@ -125,8 +134,9 @@ class Reckoning(Container):
             north + dt * (speed * cosine + before.current[0]),
             east + dt * (speed * sine + before.current[1]),
         )
-        surfacing = before.down & (estimate.depth < SURFACED)
-        down = jnp.where(surfacing, False, before.down | (estimate.depth > DIVED))
+        surfacing = before.down & (jnp.maximum(estimate.depth, shown) < SURFACED)
+        diving = jnp.minimum(estimate.depth, shown) > DIVED
+        down = jnp.where(surfacing, False, before.down | diving)
         zero = jnp.zeros_like(speed)
         now = ReckoningState(
             place=place,

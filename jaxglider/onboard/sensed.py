@@ -180,7 +180,8 @@ class SensedAutopilot(eqx.Module):
         anew = self.estimator.init(self._standing(heard.shown))
         estimator = select(begins, anew, select(state.begun, stepped, state.estimator))
         fix, fix_stamp, bad_fix = self._fixed(state, samples)
-        reckoning = self._reckoned(state, self.estimator.estimate(estimator), fix)
+        estimate = self.estimator.estimate(estimator)
+        reckoning = self._reckoned(state, estimate, heard.shown.depth, fix)
         altitude, echoes, echo_stamp = self._echoed(state, samples)
         known = SensedState(
             pilot=state.pilot,
@@ -236,9 +237,11 @@ class SensedAutopilot(eqx.Module):
             north=north, east=east, depth=depth, roll=roll, pitch=pitch, heading=heading
         )
 
-    def _reckoned(self, state: SensedState, estimate: GliderState, fix: Any) -> Any:
+    def _reckoned(
+        self, state: SensedState, estimate: GliderState, shown: Scalar, fix: Any
+    ) -> Any:
         """The belief of place; before the first tick only a fix can move it."""
-        stepped = self.reckoning.step(state.reckoning, estimate, fix, self.dt)
+        stepped = self.reckoning.step(state.reckoning, estimate, shown, fix, self.dt)
         going = state.begun & sound(stepped)
         kept = state.reckoning
         if fix is not None:
