@@ -1,5 +1,7 @@
 """Work that the actuators do against gravity and pressure, for `tuned_gains.py`."""
 
+from typing import Any
+
 import jax
 import numpy as np
 
@@ -30,7 +32,7 @@ def actuator_work(loop: ClosedLoop) -> tuple[float, float]:
     return pumped, float(glider.moving_mass) * gravity * _raised(ticks, glider)
 
 
-def _raised(ticks: object, glider: object) -> float:
+def _raised(ticks: Any, glider: Any) -> float:
     """Height that the mass is raised by its own moves, all ticks together [m]."""
     angle = np.asarray(ticks.applied.mass_angle)
     arm = float(glider.mass_offset)

@@ -4,19 +4,16 @@
 `rigid-body`, with perfect measurement and with depth and attitude alone, noisy as those
 of real gliders: 5 cm, 0.2, 0.3 and 0.7 degrees. It prints L2[e] and chattering over
 those of perfect measurement, channel by channel: with the gains that law, observer and
-estimator begin with, and with softer ones; with `--steps N` also with all three tuned
-together from there, for no more than so much of either. Run it in the folder above.
+estimator begin with, and with softer ones. Run it in the folder above.
 """
 
 import argparse
 import dataclasses
 import math
 import sys
-from collections.abc import Callable
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 import jaxglider
@@ -26,24 +23,19 @@ from jaxglider.navigation.sensing.instrument import Compass, Instrument
 from jaxglider.navigation.sensing.readings import Instruments, Sensed
 from jaxglider.signals import CHANNELS
 from jaxglider.simulation.closed_loop import ClosedLoop
-from jaxglider.simulation.metrics import Metrics
-from tuning import tune
 from tuning.cli.session.jax_setup import start_jax
-from tuning.search.settings import DescentSettings
 
 DEGREE = math.pi / 180.0
 TICK, DURATION = 0.1, 240.0
 """Control tick, and horizon with one change of attitude and heading in it [s]."""
 SEEDS = 4
-"""Drawings of the noise that gains are judged by; none of them is tuned on."""
+"""Drawings of the noise that gains are judged by."""
 OBSERVER, LAW = 0.003, 0.5
 """Factors on the observer's integral gains, and on k1 and k2 of the law: with all of
-them the observer makes bangs of noise."""
+them the observer turns noise into commands from end to end."""
 ESTIMATOR = {"printed": (1.0, 0.3), "rigid-body": (0.1, 0.03)}
 """Factors on what the model-aided filter takes to be unknown: on what accelerates and
 turns the glider, and on the walks of what its model has wrong."""
-WANTED_ERROR, WANTED_CHATTERING = 1.3, 1.6
-"""What tuning is for, over perfect measurement: inside of the 1.5 and 2 asked for."""
 
 
 def sensors() -> Instruments:
@@ -114,11 +106,6 @@ def judged(loop: ClosedLoop, key: jax.Array) -> Any:
     """L2[e] and chattering of each channel."""
     scenario = loop.scenario
     metrics = jaxglider.evaluate(loop, scenario.sea(key), scenario.noise(key))
-    return measures(metrics)
-
-
-def measures(metrics: Metrics) -> Any:
-    """L2[e] and chattering, a pair for each channel."""
     channels = [getattr(metrics.channels, name) for name in CHANNELS]
     return [(channel.rms_error, channel.chattering) for channel in channels]
 
@@ -128,85 +115,26 @@ def mean(loop: ClosedLoop) -> np.ndarray:
     return np.mean([judged(loop, jax.random.key(n)) for n in range(SEEDS)], axis=0)
 
 
-def too_much(best: np.ndarray) -> Callable[[Metrics, Metrics], jax.Array]:
-    """Cost of what is beyond the wanted ratios, squares of logarithms.
-
-    Args:
-        best: L2[e] and chattering of each channel with perfect measurement.
-    """
-
-    def cost(metrics: Metrics, _: Metrics) -> jax.Array:
-        total = jnp.zeros(())
-        for (error, chattering), (least, quiet) in zip(
-            measures(metrics), best, strict=True
-        ):
-            wide = jnp.log(error / least) - math.log(WANTED_ERROR)
-            restless = jnp.log(chattering / quiet) - math.log(WANTED_CHATTERING)
-            total = total + 20.0 * jnp.maximum(wide, 0.0) ** 2
-            total = total + jnp.maximum(restless, 0.0) ** 2 + 0.1 * error / least
-        return total
-
-    return cost
-
-
-def tuned(
-    loop: ClosedLoop, best: np.ndarray, options: argparse.Namespace
-) -> ClosedLoop:
-    """The loop with law, observer and estimator tuned together.
-
-    Only the noise differs between members; one copy of each is enough.
-    """
-    settings = DescentSettings(
-        steps=options.steps,
-        learning_rate=options.rate,
-        copies=options.members,
-        spread=0.02,
-    )
-    found = tune(
-        loop,
-        free=["controller", "observer", "estimator"],
-        members=options.members,
-        validation=2,
-        test=1,
-        uncertainty=0.0,
-        cost=too_much(best),
-        settings=settings,
-        constraints=("k1-below-k2-squared",),
-        check=False,
-        progress=False,
-    )
-    return found.loop
-
-
-def cases(
-    plant: str, options: argparse.Namespace
-) -> tuple[np.ndarray, dict[str, ClosedLoop]]:
+def cases(plant: str) -> tuple[np.ndarray, dict[str, ClosedLoop]]:
     """Measures of perfect measurement, and the loops to be compared with it."""
     exact = paper.make_loop("switching", plant, "fxtppc", dt=TICK, duration=DURATION)
     best = mean(exact)
     noisy = on_sensors(exact, "model-aided")
     soft = softer(noisy, plant)
-    loops = {"as they begin": noisy, "softer": soft}
-    if options.steps:
-        loops["tuned together"] = tuned(soft, best, options)
-    *_, last = loops.values()
-    loops["the same, perfect measurement"] = perfect(last)
-    return best, loops
+    exactly = "softer, perfect measurement"
+    return best, {"as they begin": noisy, "softer": soft, exactly: perfect(soft)}
 
 
 def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("--plants", nargs="+", default=["printed", "rigid-body"])
-    parser.add_argument("--steps", type=int, default=0, help="of descent; 0 for none")
-    parser.add_argument("--members", type=int, default=2, help="drawings tuned on")
-    parser.add_argument("--rate", type=float, default=0.15, help="learning rate")
     options = parser.parse_args()
     start_jax(64)
     heads = [f"{what} {name}" for what in ("L2", "chattering") for name in CHANNELS]
     rows = ["| plant | gains | " + " | ".join(heads) + " |"]
     rows.append("|---|---|" + "---:|" * len(heads))
     for plant in options.plants:
-        best, loops = cases(plant, options)
+        best, loops = cases(plant)
         for words, loop in loops.items():
             ratio = (mean(loop) / best).T.ravel()
             numbers = " | ".join(f"{x:.2f}" for x in ratio)

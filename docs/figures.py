@@ -25,12 +25,11 @@ from jaxglider.files.flight.missions import mission_path
 from jaxglider.files.mission import build_mission, load_mission
 from jaxglider.files.user_law import label_of
 from jaxglider.plotting import figures
-from jaxglider.plotting.flight import PANELS, dive, dive_spans
-from jaxglider.plotting.style import PAGE, look, new_figure
+from jaxglider.plotting.flight import dive_pages
+from jaxglider.plotting.style import look
 from jaxglider.simulation.checks.past import before, first_nonsense
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import Trajectory
-from jaxglider.simulation.scenario import Scenario
 from tuning.reporting.tables import headline
 
 HERE = Path(__file__).parent
@@ -120,7 +119,10 @@ def cells() -> Iterator[tuple[str, np.ndarray]]:
             if _shown(flight, name):
                 yield f"{flight}/{name}", _cell(figure)
         if flight == "yos":
-            yield "yos/dive", _cell(_dive(title, scenario, runs))
+            ((law, run),) = runs.items()
+            with look():
+                _, page, *_ = dive_pages(run, scenario.actuators, f"{title}, {law}")
+                yield "yos/dive", _cell(page)
     for name, figure in command_figures():
         yield name, _cell(figure)
 
@@ -130,18 +132,6 @@ def _shown(flight: str, name: str) -> bool:
     if flight == "sensors":
         return name.startswith(_SENSED)
     return flight == "course" or not name.startswith("performance")
-
-
-def _dive(title: str, scenario: Scenario, runs: Mapping[str, Trajectory]) -> Figure:
-    """The second page of `simulate --pages`."""
-    ((law, run),) = runs.items()
-    figure = new_figure(PAGE, 9.4)
-    with look():
-        axes = figure.subplots(PANELS, 1, sharex=True)
-        span = dive_spans(run)[1]
-        dive(axes, run, scenario.actuators, span, f"{title}, {law}, dive 2")
-        figure.align_ylabels()
-    return figure
 
 
 def _cell(figure: Figure) -> np.ndarray:

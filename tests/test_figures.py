@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 from matplotlib import image
 
@@ -85,17 +86,15 @@ def test_a_trajectory_as_a_table_has_units_in_its_names(page, tmp_path):
 
 
 def test_a_trajectory_as_parquet_has_the_columns_of_its_table(page, tmp_path):
-    parquet = pytest.importorskip("pyarrow.parquet")
     run = page.recorded("failed", next(iter(page.flights()["failed"][2])))
-    table = parquet.read_table(write_table(tmp_path / "run.parquet", run))
+    table = pyarrow.parquet.read_table(write_table(tmp_path / "run.parquet", run))
     columns = table_of(run)
     assert table.column_names == list(columns)
     for name, values in columns.items():
         np.testing.assert_array_equal(table[name].to_numpy(), values)
 
 
-def test_parquet_is_refused_before_the_work_where_it_cannot_be_written():
-    if importlib.util.find_spec("pyarrow"):
-        pytest.skip("pyarrow is there")
+def test_parquet_is_refused_before_the_work_where_it_cannot_be_written(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     with pytest.raises(ValueError, match="needs the package pyarrow"):
         check_kind("parquet")

@@ -2,6 +2,7 @@
 
 from jaxglider.paper.cases import DESIGN_FACTOR as DESIGN_FACTOR
 from jaxglider.paper.cases import DURATION as DURATION
+from jaxglider.paper.cases import VEHICLE as VEHICLE
 from jaxglider.paper.cases import attitude_schedule as attitude_schedule
 from jaxglider.paper.cases import default_actuators as default_actuators
 from jaxglider.paper.cases import design_model as design_model

@@ -33,6 +33,8 @@ from jaxglider.vehicle.published import load_vehicle
 DESIGN_FACTOR = 0.8
 """The "20 % uncertainty": design parameters over true ones."""
 
+VEHICLE = "seawing"
+"""Name of the glider that flies the cases."""
 DURATION = {"switching": 800.0, "waypoints": 1200.0}
 """Horizon of each case [s]."""
 _SHALLOW, _STEEP = -math.pi / 4, -math.pi / 3
@@ -104,7 +106,7 @@ def make_scenario(
     scenario: str = "switching",
     plant: str = "printed",
     *,
-    vehicle: str = "seawing",
+    vehicle: str = VEHICLE,
     dt: float = 0.05,
     substeps: int = 1,
     duration: float | None = None,

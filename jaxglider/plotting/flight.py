@@ -1,17 +1,19 @@
 """Figures of a flight of yos: depth by phase, attitude, actuators, and energy."""
 
 import itertools
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jaxglider.files.writing import replacing
 from jaxglider.guidance.phases import PHASES
-from jaxglider.plotting.lines import UNITS, entitle
+from jaxglider.plotting.lines import UNITS
 from jaxglider.plotting.series import (
     active_ticks,
     break_jumps,
@@ -85,7 +87,7 @@ def dive(
     minutes = (drawable(ticks.time) - float(ticks.time[0])) / MINUTE
     _panels(axes, ticks, minutes, "time (min)", actuators)
     figure: Any = flat(axes, PANELS, "dive")[0].figure
-    entitle(figure, title)
+    figure.suptitle(title, wrap=True)
     return axes
 
 
@@ -103,18 +105,33 @@ def save_dives(
     Returns:
         The number of pages.
     """
-    spans = [] if run.ticks.phase is None else dive_spans(run)
-    if not spans:
+    if run.ticks.phase is None or not dive_spans(run):
         return 0
+    count = 0
     with look(), replacing(path) as temporary, PdfPages(temporary) as pages:
-        for number, span in enumerate(spans, 1):
-            figure = new_figure(PAGE, 9.4)
-            axes = figure.subplots(PANELS, 1, sharex=True)
-            dive(axes, run, actuators, span, f"{title}, dive {number}")
-            figure.align_ylabels()
-            pages.savefig(figure)
-            figure.clear()
-    return len(spans)
+        for page in dive_pages(run, actuators, title):
+            pages.savefig(page)
+            page.clear()
+            count += 1
+    return count
+
+
+def dive_pages(
+    run: Trajectory, actuators: Command[Actuator], title: str
+) -> Iterator[Figure]:
+    """A page for each dive and its climb, one at a time.
+
+    Args:
+        run: trajectory with phases.
+        actuators: actuators of the scenario.
+        title: name of what was flown, such as mission and law.
+    """
+    for number, span in enumerate(dive_spans(run), 1):
+        figure = new_figure(PAGE, 9.4)
+        axes = figure.subplots(PANELS, 1, sharex=True)
+        dive(axes, run, actuators, span, f"{title}, dive {number}")
+        figure.align_ylabels()
+        yield figure
 
 
 def dive_spans(run: Trajectory) -> list[slice]:

@@ -7,7 +7,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.style import (
     FAINT,
     INK,
@@ -151,5 +150,5 @@ def glide_figure(
         polar(left, plant, [limit / 4, limit / 2, limit], motion)
         eigenvalues(middle, analysis)
         reach(right, analysis)
-        entitle(figure, f"trim: {vehicle.name} ({name})")
+        figure.suptitle(f"trim: {vehicle.name} ({name})", wrap=True)
     return figure

@@ -1,4 +1,4 @@
-"""Parts that figures share: their titles, and one line for each run.
+"""Parts that figures share: one line for each run, and plain numbers on axes.
 
 The most restless line of a panel is drawn first, so that a chattering or tumbling run
 does not bury the others.
@@ -7,14 +7,10 @@ does not bury the others.
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
-from matplotlib.textpath import text_to_path
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from jaxglider.plotting.series import (
@@ -89,26 +85,6 @@ def run_handles(look: Mapping[str, Style]) -> list[Line2D]:
         Line2D([], [], color=style.colour, ls=style.dashes, label=label)
         for label, style in look.items()
     ]
-
-
-def entitle(figure: Figure, text: str) -> None:
-    """Put a title above a figure, in as many lines as its width asks for.
-
-    Args:
-        figure: figure; its layout makes room for the title.
-        text: title in one line.
-    """
-    size = FontProperties(size=matplotlib.rcParams["figure.titlesize"])
-    room = 0.96 * 72.0 * figure.get_size_inches()[0]
-    lines: list[str] = []
-    for word in text.split():
-        longer = f"{lines[-1]} {word}" if lines else word
-        wide = text_to_path.get_text_width_height_descent(longer, size, ismath=False)[0]
-        if lines and wide <= room:
-            lines[-1] = longer
-        else:
-            lines.append(word)
-    figure.suptitle("\n".join(lines))
 
 
 def plain_numbers(axis: Axis) -> None:

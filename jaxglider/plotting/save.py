@@ -21,7 +21,6 @@ from jaxglider.guidance.routes import route_of
 from jaxglider.plotting.commands import commands
 from jaxglider.plotting.comparison import errors, tracking
 from jaxglider.plotting.flight import energy, flight
-from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.navigation import estimates, reckoned_map
 from jaxglider.plotting.path import (
     depth_over_distance,
@@ -75,7 +74,7 @@ def _entitle(figure: Figure, title: str, runs: Mapping[str, Trajectory]) -> None
     if not title or not runs:
         return
     law = figure.get_suptitle() or (next(iter(runs)) if len(runs) == 1 else "")
-    entitle(figure, f"{title}, {law}" if law else title)
+    figure.suptitle(f"{title}, {law}" if law else title, wrap=True)
 
 
 def save_all(
@@ -210,7 +209,7 @@ def _performance(
     settled = [settling_time(function, horizon) for function in functions.values()]
     duration = min(1.2 * max(settled, default=horizon), horizon)
     performance_functions(figure.subplots(), functions, duration)
-    entitle(figure, "performance functions")
+    figure.suptitle("performance functions", wrap=True)
     return figure
 
 
@@ -232,7 +231,7 @@ def _from_above(runs: Mapping[str, Trajectory], path: WaypointPath | None) -> Fi
 
 def _estimate(label: str, run: Trajectory, colour: str) -> Figure:
     figure = new_figure(PAGE, 3.8)
-    entitle(figure, label)
+    figure.suptitle(label, wrap=True)
     axes = figure.subplots(2, 3, sharex=True)
     disturbance_estimate(axes, run, label, colour)
     figure.align_ylabels()
@@ -241,7 +240,7 @@ def _estimate(label: str, run: Trajectory, colour: str) -> Figure:
 
 def _flight(label: str, run: Trajectory, scenario: Scenario) -> Figure:
     figure = new_figure(PAGE, 8.6)
-    entitle(figure, label)
+    figure.suptitle(label, wrap=True)
     flight(figure.subplots(6, 1, sharex=True), run, scenario.actuators)
     figure.align_ylabels()
     return figure
@@ -255,21 +254,21 @@ def _along(runs: Mapping[str, Trajectory]) -> Figure:
 
 def _energy(label: str, run: Trajectory) -> Figure:
     figure = new_figure(COLUMN, 3.2)
-    entitle(figure, label)
+    figure.suptitle(label, wrap=True)
     energy(figure.subplots(), run)
     return figure
 
 
 def _reckoned(label: str, run: Trajectory, path: WaypointPath | None) -> Figure:
     figure = new_figure(COLUMN, 4.0)
-    entitle(figure, label)
+    figure.suptitle(label, wrap=True)
     reckoned_map(figure.subplots(), run, path)
     return figure
 
 
 def _estimated(label: str, run: Trajectory) -> Figure:
     figure = new_figure(PAGE, 6.4)
-    entitle(figure, label)
+    figure.suptitle(label, wrap=True)
     estimates(figure.subplots(4, 1, sharex=True), run)
     figure.align_ylabels()
     return figure
@@ -277,6 +276,6 @@ def _estimated(label: str, run: Trajectory) -> Figure:
 
 def _sheet(label: str, run: Trajectory, colour: str) -> Figure:
     figure = new_figure(PAGE, 7.4)
-    entitle(figure, label)
+    figure.suptitle(label, wrap=True)
     vehicle_state(figure.subplots(5, 3, sharex=True), run, colour)
     return figure

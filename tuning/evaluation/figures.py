@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from jaxglider.plotting import errors
-from jaxglider.plotting.lines import entitle, plain_numbers
+from jaxglider.plotting.lines import plain_numbers
 from jaxglider.plotting.style import (
     COLUMN,
     INK,
@@ -44,20 +44,20 @@ def tuning_figures(
     with look():
         figure = new_figure(COLUMN, 2.6)
         draw_objective(figure.subplots(), history)
-        entitle(figure, title)
+        figure.suptitle(title, wrap=True)
     yield "objective", figure
     with look():
-        figure = new_figure(COLUMN, 3.4)
+        figure = new_figure(COLUMN, 4.0)
         axes = figure.subplots()
         draw_gains(axes, history, gains)
         legend_above(axes, axes.get_legend_handles_labels()[0])
-        entitle(figure, title)
+        figure.suptitle(title, wrap=True)
     yield "gains", figure
     with look():
         figure = new_figure(COLUMN, 4.6)
         errors(figure.subplots(3, sharex=True), runs)
         figure.align_ylabels()
-        entitle(figure, title)
+        figure.suptitle(title, wrap=True)
     yield "errors", figure
 
 

@@ -95,7 +95,7 @@ class Verdict:
         tables = dataclasses.asdict(self)
         for counts in tables["counts"].values():
             for key in ("unfinished", "ends"):
-                if not counts[key] and counts[key] != 0:
+                if counts[key] in (None, {}):
                     del counts[key]
         return tables
 

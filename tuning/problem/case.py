@@ -73,7 +73,7 @@ class FlightCase:
             kind, plant, dt=dt or DT, duration=duration, actuators=actuators
         )
         model = paper.design_model(scenario.plant)
-        vehicle = load_vehicle("seawing").name
+        vehicle = load_vehicle(paper.VEHICLE).name
         return cls(kind, kind, plant, scenario, model, vehicle=vehicle)
 
     @classmethod

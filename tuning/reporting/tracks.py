@@ -11,9 +11,10 @@ from jaxglider.plotting.series import (
     continuous_degrees,
     degrees,
     drawable,
+    end_time,
     keep_extremes,
 )
-from jaxglider.plotting.style import styles
+from jaxglider.plotting.style import styles, time_unit
 from jaxglider.simulation.rollout import Trajectory
 
 _ROWS = ("depth (m)", "pitch (deg)", "heading (deg)")
@@ -48,8 +49,9 @@ def interactive_tracks(runs: Mapping[str, Trajectory], title: str) -> str:
         horizontal_spacing=0.1,
         vertical_spacing=0.05,
     )
+    unit, name = time_unit(end_time(runs.values()))
     for label, style in styles(runs).items():
-        for row, column, line in _lines(runs[label]):
+        for row, column, line in _lines(runs[label], unit):
             figure.add_scatter(
                 **line,
                 mode="lines",
@@ -60,7 +62,7 @@ def interactive_tracks(runs: Mapping[str, Trajectory], title: str) -> str:
                 row=row,
                 col=column,
             )
-    _arrange(figure, title)
+    _arrange(figure, title, name)
     return str(
         figure.to_html(
             full_html=False, include_plotlyjs=True, config={"displaylogo": False}
@@ -68,7 +70,7 @@ def interactive_tracks(runs: Mapping[str, Trajectory], title: str) -> str:
     )
 
 
-def _arrange(figure: Any, title: str) -> None:
+def _arrange(figure: Any, title: str, time: str) -> None:
     """Names and scales of the axes: one scale for the map, one time, depth downward."""
     figure.update_layout(
         title=title, template="simple_white", height=620, margin={"l": 60, "r": 20}
@@ -81,11 +83,16 @@ def _arrange(figure: Any, title: str) -> None:
         figure.update_yaxes(title_text=name, row=row, col=2)
         figure.update_xaxes(matches="x2", showticklabels=row == 3, row=row, col=2)
     figure.update_yaxes(autorange="reversed", row=1, col=2)
-    figure.update_xaxes(title_text="time (s)", row=3, col=2)
+    figure.update_xaxes(title_text=time, row=3, col=2)
 
 
-def _lines(run: Trajectory) -> list[tuple[int, int, dict[str, Any]]]:
-    """Row, column and numbers of each line of a run; few points, extremes kept."""
+def _lines(run: Trajectory, unit: float) -> list[tuple[int, int, dict[str, Any]]]:
+    """Row, column and numbers of each line of a run; few points, extremes kept.
+
+    Args:
+        run: a run.
+        unit: unit of the time axis [s].
+    """
     ticks = active_ticks(run)
     time, state = drawable(ticks.time), ticks.state
     north, east, depth = (drawable(x) for x in (state.north, state.east, state.depth))
@@ -101,7 +108,9 @@ def _lines(run: Trajectory) -> list[tuple[int, int, dict[str, Any]]]:
     angles = degrees(state.pitch), continuous_degrees(state.heading)
     for row, values in enumerate((depth, *angles), 1):
         kept = keep_extremes(values)
-        lines.append((row, 2, {"x": _rounded(time[kept]), "y": _rounded(values[kept])}))
+        lines.append(
+            (row, 2, {"x": _rounded(time[kept] / unit), "y": _rounded(values[kept])})
+        )
     return lines
 
 

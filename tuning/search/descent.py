@@ -78,16 +78,16 @@ class Descent:
         self._optimiser = make_optimiser(settings.optimiser)
         # The costly part is one program, for the start and for every step.
         self._ensemble = EnsembleGradient(
-            loss,
-            surrogate_loss or loss,
-            aggregate,
-            cost_scale,
-            settings.batch_of(member_count(training), aggregate),
-            settings.copies,
-            settings.spread,
-            settings.steepest,
-            settings.seed,
-            devices,
+            loss=loss,
+            surrogate=surrogate_loss or loss,
+            aggregate=aggregate,
+            cost_scale=cost_scale,
+            batch=settings.batch_of(member_count(training), aggregate),
+            copies=settings.copies,
+            spread=settings.spread,
+            steepest=settings.steepest,
+            seed=settings.seed,
+            devices=devices,
         )
         self._evaluate_jit = kept(self._ensemble)
         self._propose_jit = jax.jit(self._propose)

@@ -204,7 +204,7 @@ def summarise(
         confidence=level,
         controllers=controllers,
         paired=comparisons(table),
-        vehicle="" if settings.digest else settings.case().vehicle,
+        vehicle=settings.vehicle,
     )
 
 

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.style import (
     COLUMN,
     PAGE,
@@ -43,34 +42,34 @@ def campaign_figures(
     with look():
         figure = new_figure(COLUMN, 2.8)
         figures.convergence(figure.subplots(), table)
-        entitle(figure, title)
+        figure.suptitle(title, wrap=True)
     yield "convergence", figure
     with look():
         figure = new_figure(PAGE, 2.6)
         figures.distributions(figure.subplots(1, 3, sharey=True), table)
-        entitle(figure, title)
+        figure.suptitle(title, wrap=True)
     yield "distributions", figure
     with look():
         figure = _scatter(units, table, summary)
-        entitle(figure, title)
+        figure.suptitle(title, wrap=True)
     yield "scatter", figure
     with look():
         figure = _correlation_bars(summary)
-        entitle(figure, title)
+        figure.suptitle(title, wrap=True)
     yield "rank_correlations", figure
     pairs = zip(summary.controllers.items(), styles(table.labels).values(), strict=True)
     for number, ((label, controller), style) in enumerate(pairs):
         if controller.sensitivity is not None:
             with look():
                 figure = sobol_figure(controller.sensitivity)
-                entitle(figure, f"{title}, {label}")
+                figure.suptitle(f"{title}, {label}", wrap=True)
             yield f"sobol_{number}", figure
         with look():
             figure = new_figure(COLUMN, 4.6)
             axes = figure.subplots(3, 1, sharex=True)
             figures.draw_ribbons(axes, shown[number], style.colour)
             figure.align_ylabels()
-            entitle(figure, f"{title}, {label}")
+            figure.suptitle(f"{title}, {label}", wrap=True)
         yield f"ribbons_{number}", figure
 
 

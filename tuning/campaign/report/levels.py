@@ -8,7 +8,6 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from jaxglider.files.writing import write_json, write_text
-from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.save import save
 from jaxglider.plotting.style import COLUMN, look, new_figure
 from tuning.campaign.analysis.bisection import Threshold
@@ -137,12 +136,12 @@ def level_figures(
     with look():
         figure = new_figure(COLUMN, 2.8)
         figures.levels(figure.subplots(), summaries)
-        entitle(figure, title)
+        figure.suptitle(title, wrap=True)
     yield "levels", figure
     with look():
         figure = new_figure(COLUMN, 2.8)
         figures.specification(figure.subplots(), summaries, threshold)
-        entitle(figure, title)
+        figure.suptitle(title, wrap=True)
     yield "specification", figure
 
 

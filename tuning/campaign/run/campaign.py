@@ -27,7 +27,6 @@ from jaxglider.uncertainty.sampling import (
 from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import GainSet
 from tuning.problem.members import SWEEP
-from tuning.reporting.tables import headline
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,11 +81,10 @@ class CampaignSettings:
             self.scenario, self.plant, self.dt, self.duration, self.actuators
         )
 
-    def headline(self) -> str:
-        """Title of what is flown: case, vehicle and plant."""
-        if self.digest:
-            return headline(self.scenario, "", self.plant)
-        return self.case().headline
+    @property
+    def vehicle(self) -> str:
+        """Name of the vehicle; empty where loops were given."""
+        return "" if self.digest else self.case().vehicle
 
     def fingerprint(self) -> str:
         """A digest of everything that the rows depend on."""

@@ -100,15 +100,10 @@ def _paper_entries(
     sets = resolve(words, kinds, scenario, options.plant, files=files)
     if TUNED in options.gains:
         sets += _tuned_sets(kinds, scenario, options.plant)
+    where = scenario, load_vehicle(paper.VEHICLE).name, options.plant
     for gains in sets:
         law = gains.load(scenario, model)
-        yield PlannedRun(
-            scenario,
-            load_vehicle("seawing").name,
-            options.plant,
-            gains.label,
-            law.on(setting),
-        )
+        yield PlannedRun(*where, gains.label, law.on(setting))
 
 
 def _tuned_sets(kinds: Sequence[str], scenario: str, plant: str) -> tuple[GainSet, ...]:

@@ -40,7 +40,12 @@ from tuning.reporting.html import write_html
 from tuning.reporting.navigation import markdown_navigation, text_navigation
 from tuning.reporting.output_folder import writing_to
 from tuning.reporting.statistics import plain
-from tuning.reporting.tables import markdown_table, markdown_tables, text_table
+from tuning.reporting.tables import (
+    headline,
+    markdown_table,
+    markdown_tables,
+    text_table,
+)
 
 
 def rerun(options: argparse.Namespace) -> int:
@@ -85,7 +90,8 @@ def _rerun(
     about, origin = result["provenance"], loop.scenario.origin
     write_trajectories(out / "trajectories.nc", runs, about, origin)
     settings = manifest.settings
-    title = f"member {member}, {settings.headline()}"
+    flown = headline(settings.scenario, settings.vehicle, settings.plant)
+    title = f"member {member}, {flown}"
     figures = save_all(out / "figures", loop.scenario, runs, ("png",), {}, title)
     write_html(out / "report.html", _page(result, title), about, figures)
     progress.clear()
@@ -195,13 +201,12 @@ def _result(
     runs: dict[str, Trajectory],
 ) -> dict[str, Any]:
     settings = manifest.settings
-    vehicle = "" if settings.digest else settings.case().vehicle
+    where = settings.scenario, settings.vehicle, settings.plant
     found = []
     for number, (label, run) in enumerate(runs.items()):
         row = kept["metrics"][number]
         metrics = row[: len(METRIC_COLUMNS)]
         loop = campaign.loops[number]
-        where = settings.scenario, vehicle, settings.plant
         entry = PlannedRun(*where, label, loop, published=False)
         found.append(
             {

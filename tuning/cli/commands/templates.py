@@ -12,7 +12,7 @@ from jaxglider.files import mission, uncertainty
 from jaxglider.files.gains import read_gains
 from jaxglider.files.settings.lists import KNOWN, Settings, read_settings, settings_of
 from jaxglider.files.writing import write_text
-from jaxglider.paper import PLANTS, default_actuators
+from jaxglider.paper import PLANTS, VEHICLE, default_actuators
 from jaxglider.signals import COMMAND_UNITS
 from jaxglider.simulation.checks.sense import sense_warnings
 from jaxglider.simulation.checks.start import start_warnings
@@ -40,7 +40,7 @@ def init(options: argparse.Namespace) -> int:
         raise ValueError(f"{path} exists; choose another name or use --force.")
     text = (uncertainty if options.uncertainty else mission).TEMPLATE()
     if options.vehicle or options.plant:
-        text = _for_glider(text, options.vehicle or "seawing", options.plant)
+        text = _for_glider(text, options.vehicle or VEHICLE, options.plant)
     try:
         write_text(path, text)
     except OSError as error:

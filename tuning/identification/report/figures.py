@@ -4,7 +4,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.style import (
     INK,
     PAGE,
@@ -49,7 +48,7 @@ def fit_figure(fit: Fit, verdict: Verdict) -> Figure:
         legend_above(axes[1], axes[1].get_legend_handles_labels()[0])
         figure.align_ylabels()
         numbers = ", ".join(str(n) for n in shown)
-        entitle(figure, f"{_title(fit)}: held-out dives {numbers}")
+        figure.suptitle(f"{_title(fit)}: held-out dives {numbers}", wrap=True)
     return figure
 
 
@@ -124,7 +123,9 @@ def residuals_figure(fit: Fit, verdict: Verdict) -> Figure:
                 axis.set_xlabel(title if name == names[-1] else "")
             row[0].set_ylabel(label)
         legend_above(grid[0, -1], grid[0, -1].get_legend_handles_labels()[0])
-        entitle(figure, f"{_title(fit)}: simulated less measured, held-out dives")
+        figure.suptitle(
+            f"{_title(fit)}: simulated less measured, held-out dives", wrap=True
+        )
     return figure
 
 

@@ -4,7 +4,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxglider.plotting.lines import entitle
 from jaxglider.plotting.style import (
     PAGE,
     distinct_styles,
@@ -41,7 +40,7 @@ def record_figure(record: FlightRecord) -> Figure:
             _panel(axis, record, names, factor, begin)
         axes[-1].set_xlabel("time (h)")
         figure.align_ylabels()
-        entitle(figure, f"{record.name}, {record.kind}")
+        figure.suptitle(f"{record.name}, {record.kind}", wrap=True)
     return figure
 
 
