@@ -12,16 +12,21 @@ import jax.numpy as jnp
 import jax.random as jr
 import numpy as np
 import pytest
+from jax import lax
+from scipy import optimize
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
 import bench_estimators as bench
 
+from jaxglider.environment.surface import DIAMETER
 from jaxglider.navigation.catalogue import ESTIMATORS, make_estimator
+from jaxglider.navigation.estimator import Moves
 from jaxglider.navigation.fixed_time import FixedTimeStateObserver, correction_root
+from jaxglider.navigation.kalman import STATES
 from jaxglider.navigation.linear import LinearObserver
 from jaxglider.navigation.sensing.readings import Sensed
-from jaxglider.signals import depth_rate
+from jaxglider.signals import Command, GliderState, depth_rate
 
 NAMES = [name for name in ESTIMATORS if name != "perfect"]
 LANES = 16
@@ -107,6 +112,74 @@ def test_sensors_that_are_dead_stuck_or_wild_do_no_lasting_harm(
     errors = [bench.rate_errors(run, flight)[:, late] for run in (after, clean)]
     rms = [math.sqrt((e**2).mean()) for e in errors]
     assert rms[0] < 1.5 * rms[1] + 0.002
+
+
+@pytest.fixture(scope="module")
+def followed():
+    """Estimates of the model-aided filter from any belief; one program."""
+    estimator = make_estimator(
+        "model-aided", bench.design_model(1.0), bench.sensors(4.0), bench.STEPS
+    )
+    estimator = dataclasses.replace(estimator, zero=jnp.asarray(0.3))
+
+    @jax.jit
+    def run(belief, readings, held):
+        def tick(state, row):
+            shown, command = row
+            truth = estimator.estimate(state)
+            moves = Moves(command, command)
+            state = estimator.step(state, shown, moves, truth, jnp.asarray(4.0))
+            return state, estimator.estimate(state)
+
+        return lax.scan(tick, belief, (readings, held))
+
+    return estimator, run
+
+
+def test_a_filter_that_turns_once_from_sample_to_sample_begins_again(
+    flight, shown, followed
+):
+    """It hits every heading with all the rest wrong, and so it stays, unless told."""
+    estimator, run = followed
+    ticks = 40
+
+    def part(begin):
+        readings = jax.tree.map(lambda x: x[0, begin : begin + ticks], shown)
+        after = slice(begin + 1, begin + ticks + 1)
+        return readings, jax.tree.map(lambda x: x[after], flight.held)
+
+    begun = estimator.init(jax.tree.map(lambda x: x[0], flight.state))
+    belief, _ = run(begun, *part(0))
+    wrong = {"surge": -0.1, "heave": 0.1, "yaw_rate": -2.0 * math.pi / 4.0}
+    mean = belief.mean
+    for name, value in wrong.items():
+        mean = mean.at[STATES.index(name)].set(value)
+    _, after = run(dataclasses.replace(belief, mean=mean), *part(ticks))
+    truth = jax.tree.map(lambda x: x[2 * ticks], flight.state)
+    for name in wrong:
+        error = float(getattr(after, name)[-1] - getattr(truth, name))
+        assert abs(error) < 0.02, name
+
+
+@pytest.mark.parametrize("zero", [-0.5, 0.5])
+def test_a_floating_hull_tells_the_zero_of_its_depth_sensor(shown, followed, zero):
+    estimator, run = followed
+    ticks, ballast = 40, -0.2
+    weight = estimator.model.parameters.surge_mass
+    # What it is too light by hangs out of the water: s² (3 − 2 s) m = 0.2 kg.
+    out = optimize.brentq(lambda s: s * s * (3.0 - 2.0 * s) * weight + ballast, 0, 1)
+    depth = -out * DIAMETER
+    first = jax.tree.map(lambda x: x[0, :ticks], shown)
+    values = (depth + zero, 0.0, 0.0, 0.3)
+    readings = eqx.tree_at(
+        lambda at: [x.value for x in at.sensed.fields()],
+        first,
+        [jnp.full(ticks, x) for x in values],
+    )
+    held = Command(*(jnp.full(ticks, x) for x in (ballast, 0.0, 0.0)))
+    begun = estimator.init(GliderState.at_rest(depth=depth, heading=0.3))
+    late = np.asarray(run(begun, readings, held)[1].depth)[-10:]
+    np.testing.assert_allclose(late, depth, atol=0.05, rtol=0.0)
 
 
 def test_poles_of_the_linear_observer_are_where_its_formula_puts_them():

@@ -55,6 +55,7 @@ def make_estimator(
             mass_walk=0.002,
             drag_walk=0.002,
             moment_walk=0.02,
+            zero=jnp.maximum(instruments.sensed.depth.bias_deviation, 1e-3),
             steps=steps,
         ),
         "fixed-time": lambda: FixedTimeStateObserver(
