@@ -2,6 +2,7 @@
 
 import time
 from concurrent.futures import Future
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +11,12 @@ from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.api.results import TuneResult
 from tuning.evaluation.final_gradient import GradientProbe
 from tuning.evaluation.held_out import Judge, Judged, Verdict, compare_held_out
-from tuning.evaluation.robustness import Robustness, judge_robustness
+from tuning.evaluation.robustness import (
+    TICK_FACTORS,
+    Robustness,
+    judge_robustness,
+    with_tick,
+)
 from tuning.gradient_check.statement import GradientStatement
 from tuning.problem.problem import TuningProblem
 from tuning.reporting.console import Progress, note
@@ -36,16 +42,15 @@ class Judges:
         self._problem, self._judge = problem, Judge(problem)
         self._probe = GradientProbe(problem) if check else None
         self._before: Future[Judged] | None = None
+        self._others: list[Future[Any]] = []
 
     def begin(self) -> None:
         """Judge the starting gains beside what else is done, compiling all."""
-        self._before = beside(self._at_start)
-
-    def _at_start(self) -> Judged:
-        judged = self._judge(self._problem.loop)
+        self._before = beside(self._judge, self._problem.loop)
         if self._probe is not None:
-            self._probe(self._problem.loop)
-        return judged
+            loops = [with_tick(self._problem.loop, x) for x in TICK_FACTORS]
+            self._others = [beside(self._judge.metrics, loop) for loop in loops]
+            self._others.append(beside(self._probe, self._problem.loop))
 
     def __call__(
         self, tuned: ClosedLoop, progress: Progress
@@ -57,6 +62,8 @@ class Judges:
         verdict = compare_held_out(self._problem, before, self._judge(tuned))
         if self._probe is None:
             return verdict, None, None
+        for other in self._others:  # only their compiled programs are of use
+            other.result()
         gradient = self._probe(tuned)
         progress.show("judging at other ticks and from other roundings ...")
         return verdict, gradient, judge_robustness(self._judge, tuned)

@@ -18,6 +18,8 @@ from tuning.evaluation.held_out import Judge
 
 APART = 1e-10
 """Distance between starts that count as the same [m]."""
+TICK_FACTORS = (0.5, 2.0)
+"""Factors on the tick that figures are compared with."""
 STARTS = (-2.0, -1.0, 1.0, 2.0)
 """Starts beside the nominal one, in that distance."""
 SPREAD = 0.05
@@ -89,7 +91,7 @@ def judge_robustness(judge: Judge, loop: ClosedLoop) -> Robustness:
     starts = [here, *(_figures(judge.metrics(_moved(loop, x))) for x in STARTS)]
     dt = float(loop.scenario.clock.dt)
     ticks = {f"{dt:g}": here}
-    for factor in (0.5, 2.0):
+    for factor in TICK_FACTORS:
         ticks[f"{factor * dt:g}"] = _figures(judge.metrics(with_tick(loop, factor)))
     return robustness(starts, dict(sorted(ticks.items(), key=lambda x: float(x[0]))))
 

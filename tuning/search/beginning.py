@@ -35,6 +35,7 @@ def begin(
     progress: Progress,
     resume: bool,
     check: bool,
+    meanwhile: Callable[[], Any] = lambda: None,
 ) -> tuple[Descent, State, tuple[str, ...]]:
     """A descent at its start, or at a better one if this is lost; and remarks.
 
@@ -46,6 +47,7 @@ def begin(
         progress: line that shows how far it is.
         resume: whether a checkpoint is gone on from, so that the start is only a form.
         check: whether to check the gradient against differences.
+        meanwhile: function called once the descent has compiled.
 
     Raises:
         CannotStart: no gains that a search tried keep the gliders.
@@ -69,6 +71,7 @@ def begin(
         devices=jax.devices(),
     )
     state = descent.start(given)
+    meanwhile()
     remarks = [checking.result()] if checking else []
     if not resume and not found and is_lost(state.current.loss, problem.cost_scale):
         objective = float(state.current.loss[0])

@@ -71,17 +71,19 @@ def descend(
         checkpoint: file that every step is kept in, or None.
         resume: whether to go on from the checkpoint.
         check: whether to check the gradient against differences at the start.
-        meanwhile: function called once the descent has compiled, before its first step.
+        meanwhile: function called once the descent has compiled, before a search for a
+            better start and the first step.
 
     Raises:
         FloatingPointError: the objective is not finite at any start.
         CannotStart: no gains that a search tried keep the gliders.
         ValueError: the checkpoint cannot be gone on with.
     """
-    descent, state, remarks = begin(problem, settings, progress, resume, check)
+    descent, state, remarks = begin(
+        problem, settings, progress, resume, check, meanwhile
+    )
     for remark in remarks:
         note(remark)
-    meanwhile()
     history = [_first_step(state, settings, 0)]
     rounds: list[AdversarialRound] = []
     if resume and checkpoint is not None:
