@@ -14,6 +14,8 @@ from jaxglider.signals import Command
 from jaxglider.simulation.checks import causes
 from jaxglider.simulation.checks.failure import explain
 from jaxglider.simulation.checks.past import Culprit, Past, before, first_nonsense
+from jaxglider.simulation.flight import FlightMetrics
+from jaxglider.vehicle.energy import Consumers
 from tuning.evaluation.failures import until_failure
 from tuning.search.rescue import CannotStart
 
@@ -115,6 +117,27 @@ def test_a_run_recorded_now_and_then_is_flown_again_tick_by_tick(fly):
     np.testing.assert_array_equal(
         run.ticks.state.depth, whole.ticks.state.depth[: expected.tick]
     )
+
+
+def test_nonsense_of_the_last_tick_is_seen_in_the_way_made_good(fly):
+    """A mission that is over has no record of where its last tick took the glider."""
+    whole = fly(loop_of())
+    end = float(whole.metrics.end_time)
+
+    def made(good):
+        zero = jnp.zeros(())
+        energy = Consumers(*(zero,) * len(dataclasses.fields(Consumers)))
+        names = [field.name for field in dataclasses.fields(FlightMetrics)]
+        moved = dict.fromkeys(("moves", "travel"), Command(zero, zero, zero))
+        parts = dict.fromkeys(names, zero) | moved | {"energy": energy}
+        flight = FlightMetrics(**parts | {"made_good": jnp.asarray(good)})
+        metrics = jax.tree.map(jnp.asarray, whole.metrics)
+        metrics = dataclasses.replace(metrics, flight=flight)
+        return dataclasses.replace(whole, metrics=metrics)
+
+    assert first_nonsense(made(29.0 * end), end) is None
+    found = first_nonsense(made(5e38), end)
+    assert found == Culprit(TICKS, end, "way made good", 5e38)
 
 
 def past(loop, run, tick, name="surge", value=math.nan):

@@ -3,6 +3,7 @@
 import pytest
 
 from jaxglider import paper
+from tuning.reporting.flights import markdown_ranking, text_ranking
 from tuning.reporting.tables import (
     CAVEAT,
     COMMAND_NOTE,
@@ -286,3 +287,49 @@ def test_the_end_of_a_run_is_told_in_words(more, words):
 )
 def test_small_and_large_numbers_keep_their_digits(value, text):
     assert figure(value) == text
+
+
+def _flown(law, per_km, heading, **more):
+    flight = {
+        "pitch_error_rad": 0.01,
+        "heading_error_rad": heading,
+        "made_good_m": 800.0,
+        "total_energy_J": None if per_km is None else 800.0 * per_km,
+        "energy_per_made_good_J_m": per_km,
+        "moves": {"mass_position": 10.0, "mass_angle": 40.0},
+    }
+    ended = {"status": "completed", "end_time_s": 1800.0, "finite": True}
+    run = {"controller": law, "scenario": "yo", "capsized": False, "flight": flight}
+    return run | ended | more
+
+
+def test_flights_are_ranked_by_energy_and_those_that_did_not_complete_come_last():
+    runs = [
+        _flown("dear", 20.0, 0.1),
+        _flown("rolled", 5.0, 0.1, capsized=True),
+        _flown("failed", None, None, failure={"time_s": 3.0}),
+        _flown("thrifty", 11.0, 0.2),
+        _flown("stalled", 4.0, 0.1, status="stall"),
+    ]
+    lines = text_ranking(runs).splitlines()
+    assert lines[0].startswith("by energy per km made good")
+    assert [line.split()[0] for line in lines[2:]] == [
+        *("thrifty", "dear", "stalled", "rolled", "failed"),
+    ]
+    # In an hour twice what it was in half of one; 0.2 rad in degrees.
+    assert lines[2].split()[1:] == [
+        *("completed", "0.57", "11.5", "800", "8.8", "11.00", "20", "80"),
+    ]
+    assert set(lines[-1].split()[2:]) == {"-"}
+    table = "\n".join(markdown_ranking(runs))
+    assert table.index("| thrifty |") < table.index("| dear |")
+
+
+def test_flights_without_an_energy_model_are_ranked_by_heading_and_one_is_not():
+    runs = [_flown("wild", None, 0.3), _flown("calm", None, 0.1)]
+    lines = text_ranking(runs).splitlines()
+    assert "heading" in lines[0]
+    assert "kJ" not in lines[1]
+    assert [line.split()[0] for line in lines[2:]] == ["calm", "wild"]
+    assert text_ranking(runs[:1]) == ""
+    assert markdown_ranking([_run(), _run()]) == []

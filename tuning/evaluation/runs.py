@@ -28,7 +28,12 @@ from tuning.evaluation.failures import command_that_shows, until_failure
 from tuning.evaluation.trajectory_tables import write_table
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
-from tuning.reporting.flights import markdown_flight, text_flight
+from tuning.reporting.flights import (
+    markdown_flight,
+    markdown_ranking,
+    text_flight,
+    text_ranking,
+)
 from tuning.reporting.html import write_html
 from tuning.reporting.navigation import markdown_navigation, text_navigation
 from tuning.reporting.tables import headline, markdown_tables, text_table
@@ -154,11 +159,15 @@ def report_runs(
     summaries = [one.summary() for one in done]
     result = {"runs": summaries, "provenance": about}
     tables = []
-    for key in dict.fromkeys((s["scenario"], s["plant"]) for s in summaries):
-        group = [s for s in summaries if (s["scenario"], s["plant"]) == key]
+    for group in _groups(result):
         tables.append(text_table(group) + "\n")
-        for told in (text_flight, text_navigation):
-            tables += [text + "\n" for text in map(told, group) if text]
+        for run in group:
+            texts = [x for x in (text_flight(run), text_navigation(run)) if x]
+            if texts and len(group) > 1:
+                texts[0] = f"{run['controller']}\n{texts[0]}"
+            tables += [f"{text}\n" for text in texts]
+        if ranking := text_ranking(group):
+            tables.append(f"{ranking}\n")
     _write(options, done, result)
     print_result(result, "\n".join(tables), as_json=options.json)
     failed = [(d, s) for d, s in zip(done, summaries, strict=True) if d.failure]
@@ -171,6 +180,14 @@ def report_runs(
     if interrupted:
         return INTERRUPTED
     return RUN_FAILED if failed or missed else OK
+
+
+def _groups(result: dict[str, Any]) -> list[list[dict[str, Any]]]:
+    """Summaries of the runs, those of one task together."""
+    groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for run in result["runs"]:
+        groups.setdefault((run["scenario"], run["plant"]), []).append(run)
+    return list(groups.values())
 
 
 def _note_failure(
@@ -195,7 +212,8 @@ def _write(
     out, progress = options.out, Progress()
     progress.show(f"writing to {out} ...")
     write_json(out / "metrics.json", result)
-    flights = [
+    flights = [line for group in _groups(result) for line in markdown_ranking(group)]
+    flights += [
         line
         for told in (markdown_flight, markdown_navigation)
         for run in result["runs"]

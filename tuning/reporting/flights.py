@@ -29,9 +29,81 @@ _IN_FILES = (
     ("turned [deg]", "mass_angle_travel_rad", DEGREE, 0),
 )
 """Columns of files, which may be wider than a terminal."""
+_RANKED = (
+    ("pitch rms [deg]", "pitch_error_rad", DEGREE, 2),
+    ("heading rms [deg]", "heading_error_rad", DEGREE, 1),
+    ("made good [m]", "made_good_m", 1.0, 0),
+    ("energy [kJ]", "total_energy_J", 1e-3, 1),
+    ("kJ/km", "energy_per_made_good_J_m", 1.0, 2),
+)
+_FAILED = "FAILED"
+_METERED = ("total_energy_J", "energy_per_made_good_J_m")
+_MOVED = {"mass_position": "mass moves/h", "mass_angle": "steering moves/h"}
 _CONSUMERS = ("pump", "position", "steering", "hotel", "surface", "communication")
 MOST = 12
 """Halves that a terminal is shown; files have all."""
+
+
+def text_ranking(runs: list[dict[str, Any]]) -> str:
+    """Several flights of one task side by side for a terminal, or nothing."""
+    title, head, rows = _ranking(runs)
+    if not rows:
+        return ""
+    left = max(len(row[0]) for row in rows) + 2
+    return "\n".join([f"{title}:", *text_columns(head, rows, left)])
+
+
+def markdown_ranking(runs: list[dict[str, Any]]) -> list[str]:
+    """The same as Markdown."""
+    title, head, rows = _ranking(runs)
+    if not rows:
+        return []
+    return [f"\n### {runs[0]['scenario']}: {title}\n", *markdown_table(head, rows, 1)]
+
+
+def _ranking(
+    runs: list[dict[str, Any]],
+) -> tuple[str, list[str], list[list[str]]]:
+    """Title, heads and rows of the flights of one task, the thriftiest first."""
+    flights = [run for run in runs if "flight" in run]
+    if len(flights) < 2:
+        return "", [], []
+    metered = any((run["flight"]["total_energy_J"] or 0.0) > 0.0 for run in flights)
+    first, words = "heading_error_rad", "the rms error of the heading"
+    if metered:
+        first, words = "energy_per_made_good_J_m", "energy per km made good"
+    known = [c for c in _RANKED if metered or c[1] not in _METERED]
+
+    def rank(run: dict[str, Any]) -> tuple[bool, float]:
+        value = run["flight"][first]
+        return not _is_whole(run), math.inf if value is None else value
+
+    rows = []
+    for run in sorted(flights, key=rank):
+        flight, hours = run["flight"], (run["end_time_s"] or math.nan) / 3600.0
+        moves = flight["moves"]
+        cells = [decimals(flight[key], digits, f) for _, key, f, digits in known]
+        cells += [decimals(moves[key], 0, 1.0 / hours) for key in _MOVED]
+        if _end(run) == _FAILED:  # sums until then, and of nonsense
+            cells = ["-"] * len(cells)
+        rows.append([run["controller"], _end(run), *cells])
+    heads = ["law", "end", *(title for title, *_ in known), *_MOVED.values()]
+    return f"by {words}, those not completed last", heads, rows
+
+
+def _is_whole(run: dict[str, Any]) -> bool:
+    """Whether a run came to the end of its task upright."""
+    return run.get("status", "completed") == "completed" and not _is_lost(run)
+
+
+def _is_lost(run: dict[str, Any]) -> bool:
+    return bool(run.get("failure") or not run["finite"] or run["capsized"])
+
+
+def _end(run: dict[str, Any]) -> str:
+    if run.get("failure") or not run["finite"]:
+        return _FAILED
+    return "ROLLED" if run["capsized"] else str(run.get("status", "flown"))
 
 
 def text_flight(run: dict[str, Any]) -> str:

@@ -119,7 +119,15 @@ def first_nonsense(run: Trajectory, end: float) -> Culprit | None:
         return Culprit(tick, float(ticks.time[tick]), name, value)
     if not bool(run.metrics.finite):
         return Culprit(len(active), end, "state", float("nan"))
-    return None
+    return _at_the_end(run, int(active.sum()))
+
+
+def _at_the_end(run: Trajectory, count: int) -> Culprit | None:
+    """Nonsense of the last tick, after which a mission that is over has no record."""
+    flight, end = run.metrics.flight, float(run.metrics.end_time)
+    if flight is None or float(flight.made_good) <= LARGEST["surge"] * end:
+        return None
+    return Culprit(count, end, "way made good", float(flight.made_good))
 
 
 def _watched(ticks: TickRecord) -> list[tuple[str, np.ndarray]]:
