@@ -11,7 +11,9 @@ import pytest
 from jaxglider import NoObserver, paper
 from jaxglider.control import AbstractController, ControlRecord
 from jaxglider.control.controller import tracking_error
+from jaxglider.files.flight.missions import mission_path as shipped
 from jaxglider.files.gains import load_gains
+from jaxglider.files.mission import load_mission
 from jaxglider.navigation.catalogue import make_estimator, usual_instruments
 from jaxglider.paper.tuned import tuned_gains
 from jaxglider.signals import Command
@@ -20,12 +22,15 @@ from jaxglider.simulation.checks.stability import (
     LoopModes,
     glides_of,
     loop_modes,
+    lost,
     statement,
 )
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.trim.linear_model import linearise
 from jaxglider.trim.modes import transmission_zeros
 from jaxglider.trim.steady_motion import Target, steady_motion
+from tuning.problem.case import FlightCase
+from tuning.problem.gain_sets import PAPER
 
 DIVE = Glide(-math.pi / 4, 0.1)
 
@@ -147,3 +152,51 @@ def test_a_motion_is_told_by_its_time_and_its_period():
     assert statement([decaying, growing]).startswith("the loop is NOT stable: dive at")
     # Slower than any glide lasts.
     assert LoopModes(DIVE, (complex(5e-4, 0.0),)).stable
+
+
+def on_shallow_slocum(kind):
+    mission = load_mission(shipped("slocum-shallow"))
+    case = FlightCase.of_mission(mission)
+    (gains,) = case.resolve([PAPER], [kind])
+    return case.loop(gains)[1]
+
+
+def test_a_law_that_stands_on_its_nose_at_the_surface_is_named_beforehand():
+    # Flown, the regulator rolls past 90 deg after 92 s of its first stay; on the way
+    # down, where it has speed, it is stable.
+    regulator = on_shallow_slocum("lqr")
+    down, up = glides_of(regulator)
+    assert down.angle < 0.0 < up.angle
+    assert all(one.stable for one in loop_modes(regulator, (down, up)))
+    surface, tick = lost(regulator)
+    assert surface.startswith("the loop is NOT stable at the surface")
+    assert "every 4 s" in tick
+    # Slocum's own law flies the mission to its end.
+    assert lost(load_mission(shipped("slocum-shallow")).loop) == []
+
+
+def test_glides_of_a_yo_are_those_that_its_ballast_and_pitch_make():
+    mission = load_mission(shipped("slocum-shallow"))
+    down, up = glides_of(mission.loop)
+    # Up and down with the same ballast and pitch.
+    assert (up.angle, up.depth_rate) == pytest.approx((-down.angle, -down.depth_rate))
+    wanted = Target(speed=down.speed, glide_angle=down.angle, turn_rate=0.0)
+    motion = jax.jit(steady_motion)(mission.loop.scenario.plant, wanted)
+    half = mission.loop.scenario.reference.settings.dive
+    assert bool(motion.converged)
+    assert float(motion.command.buoyancy_mass) == pytest.approx(
+        float(half.buoyancy_mass), rel=0.02
+    )
+    assert float(motion.state.pitch) == pytest.approx(float(half.angle), abs=2e-3)
+
+
+def test_nobody_steers_in_a_spiral_so_nothing_is_said_of_it():
+    spiral = load_mission(shipped("seawing-spiral")).loop
+    assert glides_of(spiral) == ()
+    assert lost(spiral) == []
+
+
+def test_a_cycle_in_which_all_dies_is_stable():
+    quick = LoopModes(DIVE, ())
+    assert quick.stable
+    assert quick.text().endswith("every motion dies within the law's cycle")

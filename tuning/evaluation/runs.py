@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import numpy as np
 
 from jaxglider.core.kept.programs import kept
 from jaxglider.files.results import json_number, metrics_dict, write_trajectories
@@ -20,10 +21,10 @@ from jaxglider.guidance.phases import STATUS_TEXTS, STATUSES
 from jaxglider.plotting import save_all
 from jaxglider.plotting.flight import save_dives
 from jaxglider.simulation.checks.failure import Failure
-from jaxglider.simulation.checks.stability import glides_of, loop_modes, statement
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.flight import halves
 from jaxglider.simulation.rollout import Trajectory, simulate
+from tuning.evaluation.beforehand import note_lost
 from tuning.evaluation.failures import command_that_shows, until_failure
 from tuning.evaluation.trajectory_tables import write_table
 from tuning.reporting.console import Progress, note, print_result
@@ -177,6 +178,8 @@ def report_runs(
     for run in missed:
         text = STATUS_TEXTS[STATUSES.index(run["status"])]
         note(f"{run['scenario']}, {run['controller']}: {run['status']}: {text}.")
+    for one, run in zip(done, summaries, strict=True):
+        _note_rolling(one, run)
     if interrupted:
         return INTERRUPTED
     return RUN_FAILED if failed or missed else OK
@@ -204,6 +207,20 @@ def _note_failure(
         f"  figures and trajectories.nc hold every tick until then. To see it: "
         f"{command_that_shows(options, run)}"
     )
+
+
+def _note_rolling(one: FinishedRun, run: dict[str, Any]) -> None:
+    """Say when a run of a mission rolled over, and where its loop is not stable."""
+    if one.entry.published:
+        return
+    roll = np.abs(np.asarray(one.trajectory.ticks.state.roll, np.float64))
+    over = roll > 0.5 * math.pi
+    who = f"{run['scenario']}, {run['controller']}: "
+    if over.any() and one.failure is None:
+        when = float(one.trajectory.ticks.time[int(np.argmax(over))])
+        note(f"{who}rolled past 90 deg at {when:.4g} s.")
+    if over.any() or one.failure is not None:
+        note_lost(one.entry.loop, who)
 
 
 def _write(
@@ -288,15 +305,3 @@ def _file_name(text: str) -> str:
     except UnicodeEncodeError:  # the locale's file names lack a letter
         name = "".join(c if c.isascii() else "-" for c in name)
     return name.strip(".") or "run"
-
-
-def note_stability(loop: ClosedLoop, *, always: bool = True) -> None:
-    """Say whether a loop is stable on the straight glides of its task.
-
-    Args:
-        loop: closed loop; nothing is said where its task has no straight glides.
-        always: whether to say it of a stable loop too.
-    """
-    modes = loop_modes(loop, glides_of(loop))
-    if modes and (always or not all(one.stable for one in modes)):
-        note(statement(modes))

@@ -16,15 +16,16 @@ MODEL_FACTOR = 3.0
 """Factor by which a design model may be off before it is hardly meant."""
 
 
-def sense_warnings(loop: ClosedLoop) -> list[str]:
+def sense_warnings(loop: ClosedLoop, *, whole: bool = True) -> list[str]:
     """Warnings on a closed loop that can be flown and is hardly meant as it is.
 
     Args:
         loop: closed loop with concrete numbers.
+        whole: flag, the run is meant to last as long as the task.
     """
     return [
         *range_warnings(loop),
-        *task_warnings(loop),
+        *task_warnings(loop, whole=whole),
         *model_warnings(loop),
         *tick_warnings(loop),
     ]

@@ -23,7 +23,9 @@ from jaxtyping import Array, Float, Int
 from jaxglider.core.kept.programs import kept
 from jaxglider.environment.disturbances import Calm
 from jaxglider.guidance import AttitudeSchedule, Schedule
+from jaxglider.guidance.yo import Yo
 from jaxglider.signals import BodyAxes, zeros
+from jaxglider.simulation.checks.half_yo import HeldHalf, half_glides, longest_stay
 from jaxglider.simulation.closed_loop import ClosedLoop
 from jaxglider.simulation.rollout import with_ticks
 from jaxglider.simulation.tick import Carry, TickInput
@@ -35,6 +37,8 @@ DEEP = 500.0
 """Depth that the glide begins at [m], far from surface and bottom."""
 LONG = 1000.0
 """Time [s] in which a motion that grows e-fold does no harm: no glide lasts as long."""
+NO_WAY = 0.02
+"""Speed through the water that counts as none [m/s]."""
 USUAL_ANGLE = round(math.radians(26.0), 9)
 """Gliding angle of most missions of Slocums [rad], rounded as those of tasks are."""
 _NEUTRAL, _DEAD, _SMALL = 1e-6, 1e-6, 1e-2
@@ -86,8 +90,11 @@ class LoopModes:
 
     @property
     def growth(self) -> float:
-        """Largest real part [1/s]: negative if the loop is stable."""
-        return self.rates[0].real
+        """Largest real part [1/s]: negative if the loop is stable.
+
+        Without any rate every motion has died within the law's cycle.
+        """
+        return self.rates[0].real if self.rates else -math.inf
 
     @property
     def stable(self) -> bool:
@@ -96,6 +103,8 @@ class LoopModes:
 
     def text(self) -> str:
         """A line that says what the glide is and how the loop behaves on it."""
+        if not self.rates:
+            return f"{self.glide.text()}: every motion dies within the law's cycle"
         first = self.rates[0]
         period = ""
         if abs(first.imag) > 0.0:
@@ -112,6 +121,8 @@ class LoopModes:
 def glides_of(loop: ClosedLoop) -> tuple[Glide, ...]:
     """The straight glides of a loop's task, each as a dive and as a climb.
 
+    Those of a yo are its way down and its way up.
+
     Where all are steeper than gliders usually fly, that glide as well: gains are not
     used on the task alone that they were made for.
 
@@ -119,6 +130,8 @@ def glides_of(loop: ClosedLoop) -> tuple[Glide, ...]:
         loop: closed loop; a reference without gliding angles has none.
     """
     reference = loop.scenario.reference
+    if isinstance(reference, Yo):
+        return tuple(Glide(*one) for one in half_glides(loop.scenario))
     schedule = getattr(reference, "schedule", getattr(reference, "vertical", None))
     if not isinstance(schedule, Schedule):
         return ()
@@ -160,6 +173,49 @@ def loop_modes(loop: ClosedLoop, glides: tuple[Glide, ...]) -> list[LoopModes]:
             derivative = _derivative(still, settling, second)
             modes.append(LoopModes(glide, _rates(derivative, second * dt)))
     return modes
+
+
+def surface_warning(loop: ClosedLoop) -> str | None:
+    """A warning on a law that is lost where the glider makes no way, at the surface.
+
+    There neither wings nor fins damp what it does. As a model serves the glide of a
+    dive at next to no speed.
+
+    Args:
+        loop: closed loop with concrete numbers; only a yo stays at the surface.
+    """
+    yo, glides = loop.scenario.reference, glides_of(loop)
+    stay = longest_stay(yo) if isinstance(yo, Yo) else 0.0
+    if not stay or not glides:
+        return None
+    angle = glides[0].angle
+    slow = Glide(angle, -NO_WAY * math.sin(angle))
+    (modes,) = loop_modes(loop, (slow,))
+    if not modes.growth * stay > 1.0:
+        return None
+    return (
+        "the loop is NOT stable at the surface, where the glider makes no way and next "
+        f"to nothing damps it; a stay lasts up to {stay:.4g} s."
+    )
+
+
+def lost(loop: ClosedLoop) -> list[str]:
+    """Sentences on the parts of a task in which a loop is not stable; none if it is.
+
+    Args:
+        loop: closed loop with concrete numbers.
+    """
+    modes = loop_modes(loop, glides_of(loop))
+    growing = [] if all(one.stable for one in modes) else [statement(modes)]
+    at_surface = surface_warning(loop)
+    found = [*growing, *([at_surface] if at_surface else [])]
+    if found:
+        every = max(float(loop.scenario.clock.dt), float(loop.controller.cycle_time()))
+        found.append(
+            f"the law runs every {every:.3g} s: a shorter tick (period_s or dt_s of "
+            "clock) or gentler gains may hold it."
+        )
+    return found
 
 
 def statement(modes: Sequence[LoopModes]) -> str:
@@ -205,7 +261,8 @@ def _on_glide(loop: ClosedLoop, glide: Glide) -> ClosedLoop:
         jnp.asarray(x) for x in (glide.angle, glide.depth_rate, glide.speed)
     )
     wanted = Target(speed=speed, glide_angle=angle, turn_rate=0.0 * angle)
-    trim = _steady_motion(loop.scenario.plant, wanted).state
+    motion = _steady_motion(loop.scenario.plant, wanted)
+    trim = motion.state
     schedule = Schedule(
         start=jnp.zeros(1),
         gliding_angle=angle[None],
@@ -213,14 +270,18 @@ def _on_glide(loop: ClosedLoop, glide: Glide) -> ClosedLoop:
         depth_rate=rate[None],
         initial_depth=jnp.asarray(DEEP),
     )
+    asked = loop.scenario.reference
     scenario = dataclasses.replace(
         loop.scenario,
-        reference=AttitudeSchedule(schedule),
+        reference=HeldHalf.of(asked, glide.angle, motion)
+        if isinstance(asked, Yo)
+        else AttitudeSchedule(schedule),
         disturbance=Calm(),
         initial_state=dataclasses.replace(trim, depth=trim.depth + DEEP),
         sensors=None,
         instruments=None,
         water=None,
+        seabed=None,
     )
     return dataclasses.replace(loop, scenario=scenario, estimator=None)
 

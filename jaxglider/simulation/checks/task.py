@@ -71,14 +71,15 @@ class Ability:
         return float(np.abs(self.speeds[near] * np.sin(self.angles[near])).max())
 
 
-def task_warnings(loop: ClosedLoop) -> list[str]:
+def task_warnings(loop: ClosedLoop, *, whole: bool = True) -> list[str]:
     """Warnings on a task that the glider cannot do, or that is hardly meant.
 
     Args:
         loop: closed loop with concrete numbers.
+        whole: flag, the run is meant to last as long as the task.
     """
     scenario = loop.scenario
-    found = [*_depths(scenario), *_times(scenario)]
+    found = [*_depths(scenario), *(_times(scenario) if whole else [])]
     asked = list(_asked(scenario.reference))
     if asked:
         ability = Ability.of(scenario)

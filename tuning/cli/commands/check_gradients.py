@@ -5,7 +5,7 @@ import sys
 
 from jaxglider.files.writing import provenance, write_json
 from tuning.api.check_gradients import check_problem
-from tuning.cli.session.from_options import nominal_spec
+from tuning.cli.session.from_options import nominal_spec, note_mission
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import OK
 from tuning.reporting.html import write_html
@@ -15,6 +15,7 @@ from tuning.reporting.output_folder import folder_name
 def check(options: argparse.Namespace) -> int:
     """`jaxglider check-gradients`: reverse mode against differences, gain by gain."""
     spec = nominal_spec(options)
+    note_mission(options)
     outcome = check_problem(spec, short=options.short, progress=Progress())
     about = provenance(command=sys.argv[1:], precision=options.precision)
     content = {**outcome.to_dict(), "provenance": about}

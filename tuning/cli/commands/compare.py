@@ -11,6 +11,7 @@ from jaxglider.paper.tuned import has_tuned_gains
 from jaxglider.vehicle.published import load_vehicle
 from tuning.cli.options.arguments import PAPER_CONTROLLERS
 from tuning.cli.session.from_options import refuse_beside_mission
+from tuning.evaluation.beforehand import note_sense
 from tuning.evaluation.runs import PlannedRun, report_runs, run_all
 from tuning.evaluation.trajectory_tables import check_kind
 from tuning.problem.case import DT, FlightCase
@@ -69,6 +70,7 @@ def _compare_on_mission(options: argparse.Namespace) -> int:
         )
         for one in sets
     ]
+    note_sense(mission, mission.law.on(case.scenario))
     done, interrupted = run_all(entries, seed=mission.seed)
     return report_runs(options, done, interrupted, seed=mission.seed)
 

@@ -14,16 +14,10 @@ from jaxglider.files.records.og1_variables import refuse_nowhere
 from jaxglider.files.writing import provenance
 from jaxglider.onboard.guard import status_names
 from jaxglider.onboard.pipe import ChildProcess, PipeController
-from jaxglider.simulation.checks.ranges import range_warnings
 from jaxglider.simulation.checks.start import start_warnings
 from jaxglider.simulation.closed_loop import ClosedLoop
-from tuning.evaluation.runs import (
-    FinishedRun,
-    PlannedRun,
-    note_stability,
-    report_runs,
-    run_all,
-)
+from tuning.evaluation.beforehand import note_sense, note_stability
+from tuning.evaluation.runs import FinishedRun, PlannedRun, report_runs, run_all
 from tuning.evaluation.trajectory_tables import check_kind
 from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import PAPER
@@ -55,12 +49,12 @@ def simulate_mission(options: argparse.Namespace) -> int:
         refuse_nowhere(mission.loop.scenario)
     if mission.stand_ins:
         note(mission.stand_ins)
-    for remark in (*mission.remarks, *range_warnings(mission.loop)):
-        note(f"warning: {remark}")
-    case = FlightCase.of_mission(mission, options.duration)
+    case, flown = FlightCase.of_mission(mission, options.duration), mission
     if options.duration is not None:
         loop = mission.law.on(case.scenario)
-        mission = dataclasses.replace(mission, loop=loop)
+        flown = dataclasses.replace(mission, loop=loop)
+    note_sense(mission, flown.loop)
+    mission = flown
     seed = mission.seed if options.seed is None else options.seed
     if options.controller_binary is not None:
         return _simulate_outside(options, mission, seed)

@@ -23,6 +23,7 @@ from tuning.cli.session.from_options import (
     conclusions,
     flight_case,
     gains_words,
+    note_mission,
     note_needless_controller,
     starting_loop,
 )
@@ -48,6 +49,7 @@ def sweep(options: argparse.Namespace) -> int:
             campaigns[levels[0]].labels,
             measures_of(flight=campaigns[levels[0]].has_flight),
         )
+    note_mission(options)
     codes: list[int] = []
     summaries: dict[str, CampaignSummary] = {}
     for level, campaign in campaigns.items():
@@ -80,6 +82,7 @@ def worst(options: argparse.Namespace) -> int:
     box: Any = options.uncertainty
     if isinstance(box, Path):
         box = load_uncertainty(box, loop.scenario)
+    note_mission(options)
     with writing_to(options.out):
         result = find_worst_member(
             loop,
@@ -103,6 +106,7 @@ def worst(options: argparse.Namespace) -> int:
 
 def _find_level(options: argparse.Namespace) -> int:
     """`jaxglider sweep --find-level`: campaigns at the levels of a bisection."""
+    note_mission(options)
     (highest,) = options.uncertainty
     summaries: dict[float, CampaignSummary] = {}
     codes: list[int] = []

@@ -17,7 +17,7 @@ from jaxglider.signals import COMMAND_UNITS
 from jaxglider.simulation.checks.sense import sense_warnings
 from jaxglider.simulation.checks.start import start_warnings
 from jaxglider.vehicle.published import load_vehicle
-from tuning.evaluation.runs import note_stability
+from tuning.evaluation.beforehand import note_lost
 from tuning.reporting.console import note
 from tuning.reporting.exit_codes import OK
 
@@ -119,7 +119,7 @@ def validate(options: argparse.Namespace) -> int:
             f"{options.path}: {len(found)} errors, with --strict; without it they are "
             "warnings."
         )
-    note_stability(loaded.loop, always=False)
+    note_lost(loaded.loop)
     clock = loaded.loop.scenario.clock
     sys.stdout.write(
         f"{options.path} is valid: {loaded.name}, {loaded.controller}, "

@@ -12,8 +12,10 @@ from tuning.api.tune import solve
 from tuning.cli.session.from_options import (
     black_box_settings,
     descent_settings,
+    note_mission,
     problem_spec,
 )
+from tuning.evaluation.beforehand import note_lost
 from tuning.evaluation.report import text_report
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
@@ -26,9 +28,13 @@ def tune(options: argparse.Namespace) -> int:
     keep_other_results(
         options.out / "tune.json", sys.argv[1:], overwrite=options.overwrite
     )
+    spec = problem_spec(options)
+    note_mission(options)
+    if options.config is not None:
+        note_lost(spec.loop, "at the start ")
     try:
         result = solve(
-            problem_spec(options),
+            spec,
             descent_settings(options),
             black_box_settings(options),
             adversarial=options.adversarial,

@@ -15,13 +15,14 @@ from jaxglider.uncertainty.members import Uncertainty
 from jaxglider.uncertainty.quantities import uniform_uncertainty
 from tuning.campaign.report.conclude import Conclusions
 from tuning.campaign.run.campaign import CampaignSettings
+from tuning.evaluation.beforehand import note_sense
 from tuning.problem.case import FlightCase
 from tuning.problem.gain_sets import MISSION, PAPER, TUNED
 from tuning.problem.objective_file import load_cost, read_objective
 from tuning.problem.spec import EnsembleSpec, ProblemSpec
 from tuning.reporting.console import note
 from tuning.search.settings import BlackBoxSettings, DescentSettings
-from tuning.space.coordinates import OBSERVER_SET
+from tuning.space.coordinates import OBSERVER_SET, expand
 from tuning.space.space import HELD_BY_DEFAULT
 
 DEFAULT_CONTROLLER = "fxtppc"
@@ -45,6 +46,17 @@ def flight_case(options: argparse.Namespace) -> FlightCase:
     return FlightCase.of_paper(
         scenario, plant, options.dt, options.duration, options.actuators
     )
+
+
+def note_mission(options: argparse.Namespace) -> None:
+    """Say what in the mission of a command is hardly meant; nothing of a paper's case.
+
+    To be called once all options are known to be right: what is wrong is said first.
+    """
+    if options.config is not None:
+        mission = load_mission(options.config)
+        case = FlightCase.of_mission(mission, options.duration)
+        note_sense(mission, mission.law.on(case.scenario))
 
 
 def refuse_beside_mission(options: argparse.Namespace) -> None:
@@ -72,6 +84,7 @@ def problem_spec(options: argparse.Namespace) -> ProblemSpec:
     """
     case = flight_case(options)
     controller, loop = starting_loop(options, case)
+    expand(loop, options.free)
     weights, aggregate = read_objective(options.objective, options.aggregate)
     return ProblemSpec(
         case=case,
@@ -102,6 +115,7 @@ def nominal_spec(options: argparse.Namespace) -> ProblemSpec:
     """
     case = flight_case(options)
     controller, loop = starting_loop(options, case)
+    expand(loop, options.free)
     return ProblemSpec(
         case=case,
         controller=controller,
