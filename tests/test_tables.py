@@ -3,6 +3,7 @@
 import pytest
 
 from jaxglider import paper
+from tuning.reporting.flights import markdown_ranking, text_ranking
 from tuning.reporting.tables import (
     CAVEAT,
     COMMAND_NOTE,
@@ -286,3 +287,46 @@ def test_the_end_of_a_run_is_told_in_words(more, words):
 )
 def test_small_and_large_numbers_keep_their_digits(value, text):
     assert figure(value) == text
+
+
+def _flown(controller, energy, status="completed", **more):
+    flight = {
+        "energy_per_made_good_J_m": energy,
+        "energy_per_through_water_J_m": 10.0,
+        "made_good_m": 858.2,
+        "heading_error_rad": 0.1,
+        "pitch_error_rad": 0.01,
+        "depth_rate_m_s": 0.1295,
+        "energy_J": {"pump": 3224.0},
+        "moves": {"mass_position": 12.0, "mass_angle": 48.0},
+    }
+    run = {"controller": controller, "flight": flight, "status": status}
+    return {**_run(), **run, **more}
+
+
+def test_flights_are_ranked_by_energy_for_the_way_and_lost_ones_stand_last():
+    runs = [
+        _flown("cheap-but-late", 5.0, "unfinished"),
+        _flown("dear", 20.0),
+        _flown("rolled", 9.0, capsized=True),
+        _flown("none", None, finite=False),
+        _flown("best", 11.01),
+    ]
+    order = ["best", "dear", "cheap-but-late", "rolled", "none"]
+    lines = markdown_ranking(runs)
+    rows = [line for line in lines if line.startswith("| ")][2:]
+    assert [row.split(" | ")[0].strip("| ") for row in rows] == order
+    cells = [cell.strip() for cell in rows[0].strip("|").split("|")]
+    assert cells[1:] == [
+        *("11.01", "10.00", "858", "5.7", "0.6", "0.130", "3224", "12", "48"),
+        "completed",
+    ]
+    ends = [row.split("|")[-2].strip() for row in rows]
+    assert ends == ["completed", "completed", "unfinished", "rolled over", "failed"]
+    text = text_ranking(runs).splitlines()
+    assert [line.split()[0] for line in text[2:]] == order
+
+
+def test_one_flight_alone_has_no_ranking():
+    assert text_ranking([_flown("slocum", 11.0), _run()]) == ""
+    assert markdown_ranking([_flown("slocum", 11.0)]) == []

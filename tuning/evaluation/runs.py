@@ -3,6 +3,7 @@
 import argparse
 import dataclasses
 import functools
+import itertools
 import math
 import os
 import sys
@@ -28,7 +29,13 @@ from tuning.evaluation.failures import command_that_shows, until_failure
 from tuning.evaluation.trajectory_tables import write_table
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
-from tuning.reporting.flights import markdown_flight, text_flight
+from tuning.reporting.flights import (
+    FEW,
+    markdown_flight,
+    markdown_ranking,
+    text_flight,
+    text_ranking,
+)
 from tuning.reporting.html import write_html
 from tuning.reporting.navigation import markdown_navigation, text_navigation
 from tuning.reporting.tables import headline, markdown_tables, text_table
@@ -157,7 +164,10 @@ def report_runs(
     for key in dict.fromkeys((s["scenario"], s["plant"]) for s in summaries):
         group = [s for s in summaries if (s["scenario"], s["plant"]) == key]
         tables.append(text_table(group) + "\n")
-        for told in (text_flight, text_navigation):
+        ranking = text_ranking(group)
+        tables += [ranking + "\n"] if ranking else []
+        each = (text_flight, text_navigation) if len(group) <= FEW else ()
+        for told in each:
             tables += [text + "\n" for text in map(told, group) if text]
     _write(options, done, result)
     print_result(result, "\n".join(tables), as_json=options.json)
@@ -195,7 +205,9 @@ def _write(
     out, progress = options.out, Progress()
     progress.show(f"writing to {out} ...")
     write_json(out / "metrics.json", result)
-    flights = [
+    groups = itertools.groupby(result["runs"], lambda r: (r["scenario"], r["plant"]))
+    flights = [line for _, group in groups for line in markdown_ranking(list(group))]
+    flights += [
         line
         for told in (markdown_flight, markdown_navigation)
         for run in result["runs"]

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Sequence
+from functools import reduce
+from operator import getitem
 from typing import Any
 
 from tuning.reporting.tables import DEGREE, decimals, markdown_table, text_columns
@@ -32,6 +34,76 @@ _IN_FILES = (
 _CONSUMERS = ("pump", "position", "steering", "hotel", "surface", "communication")
 MOST = 12
 """Halves that a terminal is shown; files have all."""
+FEW = 3
+"""Flights that a terminal is shown one by one; of more it has the ranking alone."""
+_RANKING = (
+    # title, keys, factor, digits
+    ("kJ/km made good", ("energy_per_made_good_J_m",), 1.0, 2),
+    ("kJ/km in water", ("energy_per_through_water_J_m",), 1.0, 2),
+    ("made good [m]", ("made_good_m",), 1.0, 0),
+    ("heading rms [deg]", ("heading_error_rad",), DEGREE, 1),
+    ("pitch rms [deg]", ("pitch_error_rad",), DEGREE, 1),
+    ("w [m/s]", ("depth_rate_m_s",), 1.0, 3),
+    ("pump [J]", ("energy_J", "pump"), 1.0, 0),
+    ("moves of mass", ("moves", "mass_position"), 1.0, 0),
+    ("of steering", ("moves", "mass_angle"), 1.0, 0),
+)
+
+
+def text_ranking(runs: Sequence[dict[str, Any]]) -> str:
+    """The flights of one task side by side for a terminal; nothing of a single one."""
+    titles, rows = _ranked(runs)
+    if not rows:
+        return ""
+    wide = max(len(row[0]) for row in rows) + 2
+    return "\n".join([_RANKED_BY, *text_columns(titles, rows, wide)])
+
+
+def markdown_ranking(runs: Sequence[dict[str, Any]]) -> list[str]:
+    """The same as Markdown."""
+    titles, rows = _ranked(runs)
+    if not rows:
+        return []
+    title = f"\n### Flights of {runs[0]['scenario']}, ranked\n"
+    return [title, _RANKED_BY, "", *markdown_table(titles, rows, 1)]
+
+
+_RANKED_BY = (
+    "Flights by their energy for the way made good; behind them those that ended "
+    "otherwise, rolled past 90 deg or failed."
+)
+
+
+def _ranked(
+    runs: Sequence[dict[str, Any]],
+) -> tuple[list[str], list[list[str]]]:
+    """Titles and rows of the flights, best first; no rows where less than two flew."""
+    flown = [run for run in runs if "flight" in run]
+    titles = ["law", *(title for title, *_ in _RANKING), "end"]
+    if len(flown) < 2:
+        return titles, []
+
+    def place(run: dict[str, Any]) -> tuple[bool, float]:
+        cost = run["flight"]["energy_per_made_good_J_m"]
+        return _how_it_ended(run) != "completed", math.inf if cost is None else cost
+
+    rows = []
+    for run in sorted(flown, key=place):
+        cells = [run["controller"]]
+        for _, keys, factor, digits in _RANKING:
+            cells.append(decimals(reduce(getitem, keys, run["flight"]), digits, factor))
+        rows.append([*cells, _how_it_ended(run)])
+    wide = max(len(row[-1]) for row in rows)
+    return [*titles[:-1], f"{titles[-1]:>{wide}}"], rows
+
+
+def _how_it_ended(run: dict[str, Any]) -> str:
+    """The end of a mission, unless the glider was lost on the way."""
+    if run.get("failure") or not run["finite"]:
+        return "failed"
+    if run["capsized"]:
+        return "rolled over"
+    return str(run.get("status", "completed"))
 
 
 def text_flight(run: dict[str, Any]) -> str:
