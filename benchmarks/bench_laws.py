@@ -2,13 +2,16 @@
 
 Each law of the catalogue is tuned by gradient from the gains that it begins with, on
 the same budget, for one and the same cost on the same gliders and seas, and judged on
-others, again the same for all (`law_cases.py`). `--keep` goes on where a run was
-stopped: a law whose file is there is not tuned again. FOLDER gets a file of gains and
-one of figures for each law, `laws.md` and `laws.png`. FxTPPC-roll is left out: made for
-actuators that jump.
+others, again the same for all (`law_cases.py`). `--mission NAME` takes a mission of yos
+that comes along; `--method cma` searches without gradients for what as many steps would
+cost: where laws decide, and moves are counted, a gradient tells little. `--keep` goes
+on where a run was stopped: a law whose file is there is not tuned again. FOLDER gets a
+file of gains and one of figures for each law, `laws.md` and `laws.png`. FxTPPC-roll is
+left out: made for actuators that jump.
 """
 
 import argparse
+import dataclasses
 import json
 import sys
 import time
@@ -23,11 +26,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import tomli_w
-from law_cases import LawCase, paper_case
+from law_cases import LawCase, mission_case, paper_case
 from law_table import figure, table
 
 from jaxglider.export.autopilot import autopilot_source
 from jaxglider.export.cost import cost_of
+from jaxglider.files.flight.missions import mission_names
 from jaxglider.files.gains import encode_gains
 from jaxglider.files.writing import provenance, write_json, write_text
 from jaxglider.onboard.of_loop import autopilot
@@ -38,8 +42,9 @@ from tuning.cli.session.jax_setup import start_jax
 from tuning.problem.problem import TuningProblem, assess_members
 from tuning.problem.spec import EnsembleSpec, ProblemSpec
 from tuning.reporting.console import SilentProgress
-from tuning.search.descend import descend
-from tuning.search.settings import DescentSettings
+from tuning.search.black_box import search_black_box
+from tuning.search.descend import SearchOutcome, descend
+from tuning.search.settings import BlackBoxSettings, DescentSettings
 
 LAWS = tuple(name for name in CONTROLLERS if name != "fxtppc-roll")
 
@@ -68,6 +73,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/laws"))
     parser.add_argument("--scenario", choices=SCENARIOS, default="switching")
+    parser.add_argument("--mission", choices=mission_names(), help="instead of a case")
+    parser.add_argument("--method", choices=("descent", "cma"), default="descent")
     parser.add_argument("--plant", choices=PLANTS, default="rigid-body")
     parser.add_argument("--laws", nargs="+", choices=LAWS, default=LAWS, metavar="LAW")
     parser.add_argument("--members", type=int, default=32)
@@ -80,6 +87,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _case(options: argparse.Namespace) -> LawCase:
+    if options.mission:
+        return mission_case(options.mission, options.duration)
     return paper_case(options.scenario, options.plant, options.dt, options.duration)
 
 
@@ -96,7 +105,7 @@ def _tuned(law: str, options: argparse.Namespace) -> dict[str, Any]:
     problem = TuningProblem.of(spec)
     settings = DescentSettings(steps=options.steps)
     try:
-        found = descend(problem, settings, SilentProgress(), check=False)
+        found = _search(problem, settings, options.method)
         # By way of the host, off all devices but one.
         free = jnp.asarray(jax.device_get(found.free))
         tuned, remarks = problem.space.write(problem.loop, free), list(found.remarks)
@@ -118,11 +127,35 @@ def _tuned(law: str, options: argparse.Namespace) -> dict[str, Any]:
         **_on_board(law, options),
         "remarks": remarks,
         "title": f"{flight.title} on {flight.plant}",
-        "budget": f"{options.steps} steps on {options.members} members",
+        "budget": f"{_budget(options)} on {options.members} members",
         "left": case.left and case.left[0],
         **judged,
         "processor_s": time.process_time() - begun,
     }
+
+
+def _budget(options: argparse.Namespace) -> str:
+    if options.method == "descent":
+        return f"{options.steps} steps"
+    return f"a search without gradients at the cost of {options.steps} steps"
+
+
+def _search(
+    problem: TuningProblem, settings: DescentSettings, method: str
+) -> SearchOutcome:
+    if method == "descent":
+        return descend(problem, settings, SilentProgress(), check=False)
+    first: tuple[str, ...] = ()
+    if problem.starts_lost:
+        # Far from gains that fly, a wide search tells first where some are.
+        wide = BlackBoxSettings(method, spread=1.0)
+        found = search_black_box(problem, wide, settings, SilentProgress())
+        begun = problem.space.write(problem.loop, found.free)
+        problem = dataclasses.replace(problem, loop=begun)
+        first = ("lost at its start: searched twice, widely first.",)
+    narrow = BlackBoxSettings(method)
+    found = search_black_box(problem, narrow, settings, SilentProgress())
+    return dataclasses.replace(found, remarks=(*first, *found.remarks))
 
 
 def _on_board(law: str, options: argparse.Namespace) -> dict[str, Any]:
@@ -143,7 +176,11 @@ def _figures(case: LawCase, metrics: Any) -> dict[str, Any]:
         "good": good.tolist(),
         "cost": np.where(good, costs, 1e9).tolist(),
         "measures": {
-            name: np.asarray(of(metrics), float).tolist()
+            # A run that was lost early has nothing to take some means of.
+            name: [
+                x if np.isfinite(x) else None
+                for x in np.asarray(of(metrics), float).tolist()
+            ]
             for name, of in case.measures.items()
         },
     }

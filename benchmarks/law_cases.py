@@ -1,7 +1,8 @@
 """The cases that `bench_laws.py` tunes every law for, and what a law's run costs there.
 
 The paper's cases have the cost of `jaxglider tune`, each measure over a fixed scale
-instead of over the start of each law.
+instead of over the start of each law. A mission of yos costs by what its operators look
+at: heading, pitch, energy of the way through the water, moves of the actuators.
 """
 
 import dataclasses
@@ -13,6 +14,9 @@ import numpy as np
 
 from jaxglider.control.textbook.mpc import MPC
 from jaxglider.control.textbook.regulator import AbstractRegulator
+from jaxglider.files.flight.missions import mission_path
+from jaxglider.files.mission import load_mission
+from jaxglider.guidance.phases import COMPLETED
 from jaxglider.signals import CHANNELS, COMMAND_UNITS, Command
 from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.problem.case import FlightCase
@@ -91,6 +95,66 @@ def paper_case(
         {head: channel(*of) for head, of in heads.items()},
         lambda metrics: ~np.asarray(metrics.finite) | np.asarray(metrics.capsized),
         ("left a funnel", lambda m: np.max([of(m) for of in peaks], axis=0) > 1.0),
+    )
+
+
+FLIGHT_SCALES = {
+    "heading_error": (4.0, 0.1),
+    "pitch_error": (2.5, 0.05),
+    "energy_per_through_water": (2.0, 10.0),
+}
+"""Weight of each measure of a flight, and what counts as one [rad, rad, J/m]."""
+MOVES_WEIGHT, MOVES_SCALE = 0.5, 400.0
+"""Weight of the moves of both actuators that control, and what counts as one [1/h]."""
+ENDED_OTHERWISE = 10.0
+"""Cost of a mission that was not flown to its end: more than all of a fair flight."""
+LOST = 400.0
+"""Cost of a run without measures: more than rolling over and ending early."""
+
+
+def moves_per_hour(metrics: Any) -> Any:
+    """Moves of mass and of what steers, in an hour."""
+    moves = metrics.flight.moves
+    return 3600.0 * (moves.mass_position + moves.mass_angle) / metrics.end_time
+
+
+def mission_cost(metrics: Any, start: Any) -> Any:
+    """Heading, pitch, energy and moves over fixed scales; rolling and early ends."""
+    # Half a turn or ten: lost is lost.
+    roll = jnp.clip(metrics.max_roll - 0.785, 0.0, jnp.pi)
+    total = 30.0 * roll * roll
+    for name, (weight, scale) in FLIGHT_SCALES.items():
+        total += weight * getattr(metrics.flight, name) / scale
+    total += MOVES_WEIGHT * moves_per_hour(metrics) / MOVES_SCALE
+    total += jnp.where(metrics.status == COMPLETED, 0.0, ENDED_OTHERWISE)
+    return jnp.where(jnp.isfinite(total), total, LOST)
+
+
+def mission_case(name: str, duration: float | None) -> LawCase:
+    """A mission of yos that comes along, judged by its flight.
+
+    Args:
+        name: name of the mission.
+        duration: another horizon [s].
+    """
+
+    def flown(measure: str) -> Callable[[Any], Any]:
+        return lambda metrics: getattr(metrics.flight, measure)
+
+    return LawCase(
+        FlightCase.of_mission(load_mission(mission_path(name)), duration),
+        mission_cost,
+        {
+            "heading [rad]": flown("heading_error"),
+            "pitch [rad]": flown("pitch_error"),
+            "depth rate [m/s]": flown("depth_rate"),
+            "through water [kJ/km]": flown("energy_per_through_water"),
+            "made good [kJ/km]": flown("energy_per_made_good"),
+            "pump [kJ]": lambda metrics: metrics.flight.energy.pump / 1e3,
+            "moves [1/h]": moves_per_hour,
+        },
+        lambda metrics: ~np.asarray(metrics.finite) | np.asarray(metrics.capsized),
+        ("ended otherwise", lambda m: np.asarray(m.status) != COMPLETED),
     )
 
 

@@ -87,9 +87,9 @@ def _failed(result: dict[str, Any]) -> int:
     return int(np.sum(~np.asarray(result["tuned"]["good"])))
 
 
-def _mean(values: list[float], of: dict[str, Any]) -> float:
+def _mean(values: list[float | None], of: dict[str, Any]) -> float:
     good = np.asarray(of["good"])
-    return float(np.asarray(values)[good].mean()) if good.any() else float("nan")
+    return float(np.asarray(values, float)[good].mean()) if good.any() else float("nan")
 
 
 def _mean_cost(result: dict[str, Any]) -> float:
@@ -111,14 +111,15 @@ def _share(events: Any) -> str:
 
 
 def figure(results: list[dict[str, Any]]) -> Any:
-    """Error of the heading against the way of the mass angle, start to tuned.
+    """Error of the heading against moves or the way of the mass angle, start to tuned.
 
     Args:
         results: what was kept of each law.
     """
     drawn = new_figure(6.4, 4.4)
     axes = drawn.add_subplot()
-    measures = "angle [rad]", "heading [rad]"
+    flown = "moves [1/h]" in results[0]["tuned"]["measures"]
+    measures = "moves [1/h]" if flown else "angle [rad]", "heading [rad]"
     for result in results:
         places = [
             [_mean(result[when]["measures"][m], result[when]) for m in measures]
@@ -141,6 +142,7 @@ def figure(results: list[dict[str, Any]]) -> Any:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("{x:g}")
-    axes.set_xlabel("way of the mass angle [rad], tuned; lines from the start")
-    axes.set_ylabel("L2 of the heading error [rad]")
+    what = "moves of mass and fin [1/h]" if flown else "way of the mass angle [rad]"
+    axes.set_xlabel(f"{what}, tuned; lines from the start")
+    axes.set_ylabel(f"{'rms' if flown else 'L2'} of the heading error [rad]")
     return drawn

@@ -438,6 +438,11 @@ def test_all_laws_fly_a_case_or_a_mission_under_one_sea(call, monkeypatch):
     assert {entry.scenario for entry in entries} == {"slocum-shallow"}
     kinds = [type(entry.loop.controller) for entry in entries]
     assert kinds == [BY_NAME[name].cls for name in ("slocum", "pid", "lqr")]
+    code, _, err = call("compare", *flown, "--gains", "tuned")
+    assert code == 130
+    names = [entry.controller for entry in entries]
+    assert names == ["slocum (mission)", "pid", "lqr", "slocum (tuned)", "pid (tuned)"]
+    assert "no tuned gains come along for lqr on slocum-shallow" in err
 
 
 def test_a_word_is_meant_before_a_file_of_the_name(call, tmp_path, monkeypatch):

@@ -28,6 +28,7 @@ from jaxglider.files.results import write_trajectories
 from jaxglider.guidance.phases import (
     APOGEE,
     CLIMB,
+    COMPLETED,
     DIVE,
     INFLECTION,
     PHASES,
@@ -40,7 +41,7 @@ from jaxglider.plotting.style import new_figure
 from jaxglider.signals import BodyAxes, Channels, Command, GliderState, zeros
 from jaxglider.simulation.flight import halves
 from jaxglider.simulation.motion import integrate, integrate_moving
-from jaxglider.simulation.rollout import simulate
+from jaxglider.simulation.rollout import evaluate, simulate
 from jaxglider.simulation.scenario import Clock
 from jaxglider.simulation.tick import TickInput, TickPlan
 from jaxglider.vehicle.actuators import follow_all
@@ -49,6 +50,7 @@ from jaxglider.vehicle.energy import Pump
 from jaxglider.vehicle.full_plant import full_plant
 from jaxglider.vehicle.published import load_vehicle
 from tuning.cli.main import main
+from tuning.problem.case import FlightCase
 
 SENSOR = 0.86
 """Share of what its own sensor reads that is true pitch, on the shallow Slocum."""
@@ -453,6 +455,45 @@ def test_the_papers_cases_ship_on_actuators_that_have_a_speed(case):
     gains = tuned_gains(case, "seawing", "fxtppc")
     tuned = load_gains(gains, case, mission.model)
     assert mission.law.controller == tuned.controller
+
+
+SHIPPED = ("slocum", "pid", "backstepping", "fixed-time-backstepping")
+
+
+@pytest.mark.parametrize("law", SHIPPED)
+def test_gains_shipped_for_a_mission_fly_it_upright_and_keep_the_heading(
+    law, slocum, shallow
+):
+    """PID rolls over with those it begins with; the flown law is the one to beat."""
+    assert tuned_gains("slocum-shallow", "seawing", law).is_file()
+    mission = load_mission(mission_path("slocum-shallow"))
+    case = FlightCase.of_mission(mission)
+    (gains,) = case.resolve(["tuned"], [law])
+    assert gains.label == f"{law} (tuned)"
+    scenario = slocum.scenario
+    loop = case.loop(gains)[1]
+    key = jax.random.key(mission.seed)
+    metrics = jax.jit(evaluate)(loop, scenario.sea(key), scenario.noise(key))
+    assert int(metrics.status) == COMPLETED
+    assert float(metrics.max_roll) < 0.1
+    flown = float(shallow.metrics.flight.heading_error)
+    assert float(metrics.flight.heading_error) < 0.85 * flown
+
+
+def test_a_mission_file_can_ask_for_the_gains_that_come_along_for_it(tmp_path):
+    """By its name; under another it is given those of the paper's case, here none."""
+    data = tomllib.loads(mission_path("slocum-shallow").read_text(encoding="utf-8"))
+    data["controller"] = {"type": "slocum", "gains_file": "tuned"}
+    file = tmp_path / "mission.toml"
+    file.write_text(tomli_w.dumps(data))
+    mission = load_mission(file)
+    path = tuned_gains("slocum-shallow", "seawing", "slocum")
+    wanted = load_gains(path, "waypoints", mission.model).controller
+    assert mission.law.controller == wanted
+    data["name"] = "another\0name"
+    file.write_text(tomli_w.dumps(data))
+    with pytest.raises(ValueError, match="no gains come with jaxglider for slocum"):
+        load_mission(file)
 
 
 def test_each_dive_has_a_page_from_one_inflection_at_the_top_to_the_next(

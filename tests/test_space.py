@@ -16,6 +16,7 @@ from scipy.optimize import minimize
 
 from jaxglider import map_members, paper
 from jaxglider.control import AbstractController
+from jaxglider.control.catalogue import BY_NAME
 from jaxglider.control.prescribed.performance import ExponentialFunction
 from jaxglider.core.containers import as_float
 from jaxglider.core.sets import K1_BELOW_K2, OBSERVER_SET, Coupled, Interval
@@ -50,6 +51,16 @@ def make_loop(kind):
             forms,
         )
     return paper.make_loop("waypoints", "printed", kind)
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_every_law_of_the_catalogue_can_be_searched(name):
+    """As it begins: a gain of zero has no logarithm, and needs an end to its set."""
+    loop = paper.make_loop("switching", "seawing", name)
+    space = Space.of(loop, ["controller"])
+    written = space.write(loop, space.read(loop))
+    for path in space.names:
+        assert np.isfinite(float(attrgetter(path)(written))), path
 
 
 @pytest.fixture(scope="module")

@@ -289,47 +289,54 @@ def test_small_and_large_numbers_keep_their_digits(value, text):
     assert figure(value) == text
 
 
-def _flown(law, per_km, heading, **more):
+def _flown(controller, energy, status="completed", **more):
     flight = {
+        "energy_per_made_good_J_m": energy,
+        "energy_per_through_water_J_m": 10.0,
+        "made_good_m": 858.2,
+        "heading_error_rad": 0.1,
         "pitch_error_rad": 0.01,
-        "heading_error_rad": heading,
-        "made_good_m": 800.0,
-        "total_energy_J": None if per_km is None else 800.0 * per_km,
-        "energy_per_made_good_J_m": per_km,
-        "moves": {"mass_position": 10.0, "mass_angle": 40.0},
+        "depth_rate_m_s": 0.1295,
+        "energy_J": {"pump": 3224.0},
+        "moves": {"mass_position": 12.0, "mass_angle": 48.0},
     }
-    ended = {"status": "completed", "end_time_s": 1800.0, "finite": True}
-    run = {"controller": law, "scenario": "yo", "capsized": False, "flight": flight}
-    return run | ended | more
+    run = {"controller": controller, "flight": flight, "status": status}
+    return {**_run(), **run, **more}
 
 
-def test_flights_are_ranked_by_energy_and_those_that_did_not_complete_come_last():
+def test_flights_are_ranked_by_energy_for_the_way_and_lost_ones_stand_last():
     runs = [
-        _flown("dear", 20.0, 0.1),
-        _flown("rolled", 5.0, 0.1, capsized=True),
-        _flown("failed", None, None, failure={"time_s": 3.0}),
-        _flown("thrifty", 11.0, 0.2),
-        _flown("stalled", 4.0, 0.1, status="stall"),
+        _flown("cheap-but-late", 5.0, "unfinished"),
+        _flown("dear", 20.0),
+        _flown("rolled", 9.0, capsized=True),
+        _flown("none", None, finite=False),
+        _flown("best", 11.01),
     ]
-    lines = text_ranking(runs).splitlines()
-    assert lines[0].startswith("by energy per km made good")
-    assert [line.split()[0] for line in lines[2:]] == [
-        *("thrifty", "dear", "stalled", "rolled", "failed"),
+    order = ["best", "dear", "cheap-but-late", "rolled", "none"]
+    lines = markdown_ranking(runs)
+    rows = [line for line in lines if line.startswith("| ")][2:]
+    assert [row.split(" | ")[0].strip("| ") for row in rows] == order
+    cells = [cell.strip() for cell in rows[0].strip("|").split("|")]
+    assert cells[1:] == [
+        *("11.01", "10.00", "858", "5.7", "0.6", "0.130", "3224", "12", "48"),
+        "completed",
     ]
-    # In an hour twice what it was in half of one; 0.2 rad in degrees.
-    assert lines[2].split()[1:] == [
-        *("completed", "0.57", "11.5", "800", "8.8", "11.00", "20", "80"),
-    ]
-    assert set(lines[-1].split()[2:]) == {"-"}
-    table = "\n".join(markdown_ranking(runs))
-    assert table.index("| thrifty |") < table.index("| dear |")
+    ends = [row.split("|")[-2].strip() for row in rows]
+    assert ends == ["completed", "completed", "unfinished", "rolled over", "failed"]
+    assert {cell.strip() for cell in rows[-1].split("|")[2:-2]} == {"-"}
+    text = text_ranking(runs).splitlines()
+    assert [line.split()[0] for line in text[2:]] == order
 
 
-def test_flights_without_an_energy_model_are_ranked_by_heading_and_one_is_not():
-    runs = [_flown("wild", None, 0.3), _flown("calm", None, 0.1)]
-    lines = text_ranking(runs).splitlines()
+def test_one_flight_alone_has_no_ranking():
+    assert text_ranking([_flown("slocum", 11.0), _run()]) == ""
+    assert markdown_ranking([_flown("slocum", 11.0)]) == []
+
+
+def test_flights_without_an_energy_model_are_ranked_by_their_heading():
+    wild = _flown("wild", None)
+    calm = _flown("calm", None)
+    calm["flight"]["heading_error_rad"] = 0.05
+    lines = text_ranking([wild, calm]).splitlines()
     assert "heading" in lines[0]
-    assert "kJ" not in lines[1]
     assert [line.split()[0] for line in lines[2:]] == ["calm", "wild"]
-    assert text_ranking(runs[:1]) == ""
-    assert markdown_ranking([_run(), _run()]) == []

@@ -9,7 +9,7 @@ from typing import Any
 
 from jaxglider import paper
 from jaxglider.core.toml import ConfigError
-from jaxglider.paper.tuned import tuned_gains
+from jaxglider.paper.tuned import has_tuned_gains, tuned_gains
 from jaxglider.signals import COMMAND_UNITS, Command
 from jaxglider.vehicle.parameters import VehicleData
 
@@ -59,8 +59,11 @@ def with_tuned_gains(data: dict[str, Any]) -> dict[str, Any]:
         return data
     plant = vehicle.get("plant", "printed") if isinstance(vehicle, dict) else ""
     kind = str(controller.get("type", "fxtppc"))
+    task = str(data.get("name", ""))
     try:
-        file = tuned_gains(case_of(data), str(plant), kind)
+        if not has_tuned_gains(task, str(plant), kind):
+            task = case_of(data)
+        file = tuned_gains(task, str(plant), kind)
     except ValueError as error:
         raise ConfigError(f"controller.gains_file: {error}") from error
     return data | {"controller": controller | {"gains_file": str(file)}}

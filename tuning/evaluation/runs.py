@@ -30,6 +30,7 @@ from tuning.evaluation.trajectory_tables import write_table
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED
 from tuning.reporting.flights import (
+    FEW,
     markdown_flight,
     markdown_ranking,
     text_flight,
@@ -162,7 +163,7 @@ def report_runs(
     tables = []
     for group in _groups(result):
         tables.append(text_table(group) + "\n")
-        for run in group:
+        for run in group if len(group) <= FEW else ():
             texts = [x for x in (text_flight(run), text_navigation(run)) if x]
             if texts and len(group) > 1:
                 texts[0] = f"{run['controller']}\n{texts[0]}"

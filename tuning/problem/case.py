@@ -136,7 +136,10 @@ class FlightCase:
         self, words: Sequence[str], controllers: Sequence[str]
     ) -> tuple[GainSet, ...]:
         """The sets of gains that words and file names stand for here."""
-        return resolve(words, controllers, self.kind, self.plant, self.own)
+        mission = "" if self.own is None else self.title
+        return resolve(
+            words, controllers, self.kind, self.plant, self.own, mission=mission
+        )
 
     def loop(self, gains: GainSet) -> tuple[str, ClosedLoop]:
         """The kind of controller of a set of gains, and the closed loop with it."""

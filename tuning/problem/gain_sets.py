@@ -18,7 +18,7 @@ from jaxglider.files.gains import (
 )
 from jaxglider.files.law_paths import is_own, short_name
 from jaxglider.files.user_law import law_entry
-from jaxglider.paper.tuned import tuned_gains
+from jaxglider.paper.tuned import has_tuned_gains, tuned_gains
 from jaxglider.vehicle.design_model import DesignModel
 
 PAPER, TUNED, MISSION = "paper", "tuned", "mission"
@@ -126,6 +126,7 @@ def resolve(
     plant: str,
     own: GainSet | None = None,
     files: Mapping[str, Tables] | None = None,
+    mission: str = "",
 ) -> tuple[GainSet, ...]:
     """The sets of gains that words and file names stand for, in their order.
 
@@ -138,6 +139,7 @@ def resolve(
         plant: name of the plant; likewise.
         own: set of gains that `mission` stands for, or None.
         files: tables from `read_files`, where they have been read already.
+        mission: name of a mission, whose gains `tuned` stands for where any come along.
 
     Raises:
         ValueError: a word that is none of these, a file that cannot be read or holds
@@ -152,7 +154,7 @@ def resolve(
         if name == PAPER:
             sets += [_beginning(kind) for kind in kinds]
         elif name == TUNED:
-            sets += [_tuned(kind, scenario, plant) for kind in kinds]
+            sets += [_tuned(kind, scenario, plant, mission) for kind in kinds]
         elif name in tables:
             # `tune` gives all its files one name: tell them apart by their folder.
             stem = Path(name).stem
@@ -205,11 +207,12 @@ def _beginning(kind: str) -> GainSet:
     return GainSet(short_name(kind), PAPER, {"controller": {"type": kind}})
 
 
-def _tuned(kind: str, scenario: str, plant: str) -> GainSet:
+def _tuned(kind: str, scenario: str, plant: str, mission: str) -> GainSet:
     if is_own(kind):
         raise ConfigError(
             f"--gains {TUNED}: no gains come with jaxglider for {kind}; name the file "
             f"that `jaxglider tune` wrote, or {PAPER} for those it begins with."
         )
-    file = tuned_gains(scenario, plant, kind)
+    own = has_tuned_gains(mission, plant, kind)
+    file = tuned_gains(mission if own else scenario, plant, kind)
     return GainSet(f"{kind} ({TUNED})", TUNED, read_toml(file))

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Sequence
+from functools import reduce
+from operator import getitem
 from typing import Any
 
 from tuning.reporting.tables import DEGREE, decimals, markdown_table, text_columns
@@ -29,81 +31,98 @@ _IN_FILES = (
     ("turned [deg]", "mass_angle_travel_rad", DEGREE, 0),
 )
 """Columns of files, which may be wider than a terminal."""
-_RANKED = (
-    ("pitch rms [deg]", "pitch_error_rad", DEGREE, 2),
-    ("heading rms [deg]", "heading_error_rad", DEGREE, 1),
-    ("made good [m]", "made_good_m", 1.0, 0),
-    ("energy [kJ]", "total_energy_J", 1e-3, 1),
-    ("kJ/km", "energy_per_made_good_J_m", 1.0, 2),
-)
-_FAILED = "FAILED"
-_METERED = ("total_energy_J", "energy_per_made_good_J_m")
-_MOVED = {"mass_position": "mass moves/h", "mass_angle": "steering moves/h"}
 _CONSUMERS = ("pump", "position", "steering", "hotel", "surface", "communication")
 MOST = 12
 """Halves that a terminal is shown; files have all."""
+FEW = 3
+"""Flights that a terminal is shown one by one; of more it has the ranking alone."""
+_RANKING = (
+    # title, keys, factor, digits
+    ("kJ/km made good", ("energy_per_made_good_J_m",), 1.0, 2),
+    ("kJ/km in water", ("energy_per_through_water_J_m",), 1.0, 2),
+    ("made good [m]", ("made_good_m",), 1.0, 0),
+    ("heading rms [deg]", ("heading_error_rad",), DEGREE, 1),
+    ("pitch rms [deg]", ("pitch_error_rad",), DEGREE, 1),
+    ("w [m/s]", ("depth_rate_m_s",), 1.0, 3),
+    ("pump [J]", ("energy_J", "pump"), 1.0, 0),
+    ("moves of mass", ("moves", "mass_position"), 1.0, 0),
+    ("of steering", ("moves", "mass_angle"), 1.0, 0),
+)
 
 
-def text_ranking(runs: list[dict[str, Any]]) -> str:
-    """Several flights of one task side by side for a terminal, or nothing."""
-    title, head, rows = _ranking(runs)
+_FAILED = "failed"
+
+
+def text_ranking(runs: Sequence[dict[str, Any]]) -> str:
+    """The flights of one task side by side for a terminal; nothing of a single one."""
+    titles, rows = _ranked(runs)
     if not rows:
         return ""
-    left = max(len(row[0]) for row in rows) + 2
-    return "\n".join([f"{title}:", *text_columns(head, rows, left)])
+    wide = max(len(row[0]) for row in rows) + 2
+    return "\n".join([_ranked_by(runs), *text_columns(titles, rows, wide)])
 
 
-def markdown_ranking(runs: list[dict[str, Any]]) -> list[str]:
+def markdown_ranking(runs: Sequence[dict[str, Any]]) -> list[str]:
     """The same as Markdown."""
-    title, head, rows = _ranking(runs)
+    titles, rows = _ranked(runs)
     if not rows:
         return []
-    return [f"\n### {runs[0]['scenario']}: {title}\n", *markdown_table(head, rows, 1)]
+    title = f"\n### Flights of {runs[0]['scenario']}, ranked\n"
+    return [title, _ranked_by(runs), "", *markdown_table(titles, rows, 1)]
 
 
-def _ranking(
-    runs: list[dict[str, Any]],
-) -> tuple[str, list[str], list[list[str]]]:
-    """Title, heads and rows of the flights of one task, the thriftiest first."""
-    flights = [run for run in runs if "flight" in run]
-    if len(flights) < 2:
-        return "", [], []
-    metered = any((run["flight"]["total_energy_J"] or 0.0) > 0.0 for run in flights)
-    first, words = "heading_error_rad", "the rms error of the heading"
-    if metered:
-        first, words = "energy_per_made_good_J_m", "energy per km made good"
-    known = [c for c in _RANKED if metered or c[1] not in _METERED]
+def _ranked_by(runs: Sequence[dict[str, Any]]) -> str:
+    """A sentence on the order of the flights."""
+    measure = "their energy for the way made good"
+    if not _is_metered(runs):
+        measure = "the error of their heading"
+    return (
+        f"Flights by {measure}; behind them those that ended otherwise, rolled past "
+        "90 deg or failed."
+    )
 
-    def rank(run: dict[str, Any]) -> tuple[bool, float]:
-        value = run["flight"][first]
-        return not _is_whole(run), math.inf if value is None else value
+
+def _is_metered(runs: Sequence[dict[str, Any]]) -> bool:
+    """Whether any of the flights has an energy for the way made good."""
+    return any(
+        run["flight"]["energy_per_made_good_J_m"] for run in runs if "flight" in run
+    )
+
+
+def _ranked(
+    runs: Sequence[dict[str, Any]],
+) -> tuple[list[str], list[list[str]]]:
+    """Titles and rows of the flights, best first; no rows where less than two flew."""
+    flown = [run for run in runs if "flight" in run]
+    titles = ["law", *(title for title, *_ in _RANKING), "end"]
+    if len(flown) < 2:
+        return titles, []
+
+    measure = "energy_per_made_good_J_m" if _is_metered(flown) else "heading_error_rad"
+
+    def place(run: dict[str, Any]) -> tuple[bool, float]:
+        cost = run["flight"][measure]
+        return _how_it_ended(run) != "completed", math.inf if cost is None else cost
 
     rows = []
-    for run in sorted(flights, key=rank):
-        flight, hours = run["flight"], (run["end_time_s"] or math.nan) / 3600.0
-        moves = flight["moves"]
-        cells = [decimals(flight[key], digits, f) for _, key, f, digits in known]
-        cells += [decimals(moves[key], 0, 1.0 / hours) for key in _MOVED]
-        if _end(run) == _FAILED:  # sums until then, and of nonsense
-            cells = ["-"] * len(cells)
-        rows.append([run["controller"], _end(run), *cells])
-    heads = ["law", "end", *(title for title, *_ in known), *_MOVED.values()]
-    return f"by {words}, those not completed last", heads, rows
+    for run in sorted(flown, key=place):
+        end, cells = _how_it_ended(run), [run["controller"]]
+        for _, keys, factor, digits in _RANKING:
+            value = reduce(getitem, keys, run["flight"])
+            # Until it failed: sums of nonsense.
+            cells.append("-" if end == _FAILED else decimals(value, digits, factor))
+        rows.append([*cells, end])
+    wide = max(len(row[-1]) for row in rows)
+    return [*titles[:-1], f"{titles[-1]:>{wide}}"], rows
 
 
-def _is_whole(run: dict[str, Any]) -> bool:
-    """Whether a run came to the end of its task upright."""
-    return run.get("status", "completed") == "completed" and not _is_lost(run)
-
-
-def _is_lost(run: dict[str, Any]) -> bool:
-    return bool(run.get("failure") or not run["finite"] or run["capsized"])
-
-
-def _end(run: dict[str, Any]) -> str:
+def _how_it_ended(run: dict[str, Any]) -> str:
+    """The end of a mission, unless the glider was lost on the way."""
     if run.get("failure") or not run["finite"]:
         return _FAILED
-    return "ROLLED" if run["capsized"] else str(run.get("status", "flown"))
+    if run["capsized"]:
+        return "rolled over"
+    return str(run.get("status", "completed"))
 
 
 def text_flight(run: dict[str, Any]) -> str:

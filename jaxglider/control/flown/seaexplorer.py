@@ -46,7 +46,7 @@ from jaxglider.control.prescribed.performance import Bound
 from jaxglider.control.steering import AbstractSteering
 from jaxglider.core.containers import Scalar
 from jaxglider.core.numerics import saturate
-from jaxglider.core.sets import NOT_NEGATIVE, POSITIVE, Interval
+from jaxglider.core.sets import POSITIVE, Interval
 from jaxglider.signals import (
     Channels,
     Command,
@@ -58,6 +58,7 @@ from jaxglider.vehicle.design_model import DesignModel
 from jaxglider.vehicle.moving_mass import FinActuation
 
 _OFFSET = Interval(-0.1, 0.1)
+_PITCH_GAIN = Interval(-0.5, 0.5)  # both signs: a search that begins at 0 can leave it
 
 
 class SeaExplorerState(eqx.Module):
@@ -120,7 +121,7 @@ class SeaExplorer(AbstractController):
     climb_sign: Scalar = gain(-1.0, "", SIGN, tuned=False)
     dive_offset: Scalar = gain(0.0, "m", _OFFSET)
     climb_offset: Scalar = gain(0.0, "m", _OFFSET)
-    pitch_gain: Scalar = gain(0.0, "m_rad", NOT_NEGATIVE)
+    pitch_gain: Scalar = gain(0.0, "m_rad", _PITCH_GAIN)
     period: Scalar = gain(20.0, "s", POSITIVE, tuned=False)
 
     @classmethod

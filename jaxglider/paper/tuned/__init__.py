@@ -1,30 +1,31 @@
-"""Gains tuned by `jaxglider tune` for the paper's cases, as they come with the package.
+"""Gains tuned for the paper's cases and for missions, as they come with the package.
 
-A folder for each case, in it one for each plant, in it a file for each controller. Its
-provenance says which command made it; `benchmarks/tuned_gains.py` makes them all again,
-but for those of ADRC and fixed-time backstepping, which `benchmarks/bench_laws.py`
-made.
+A folder for each case or mission, in it one for each plant, in it a file for each
+controller. Its provenance says which command made it; `benchmarks/tuned_gains.py` makes
+those of the paper's cases again, but for ADRC and fixed-time backstepping, which
+`benchmarks/bench_laws.py` made, as it did those of missions.
 """
 
 from pathlib import Path
 
 
 def has_tuned_gains(scenario: str, plant: str, controller: str) -> bool:
-    """Whether gains tuned for a case come along.
+    """Whether gains tuned for a case or a mission come along.
 
     Args:
-        scenario: `switching` or `waypoints`.
+        scenario: `switching`, `waypoints`, or the name of a mission, any text.
         plant: name of the plant.
         controller: name of the controller.
     """
-    return _file(scenario, plant, controller).is_file()
+    tasks = {path.name for path in Path(__file__).parent.iterdir()}
+    return scenario in tasks and _file(scenario, plant, controller).is_file()
 
 
 def tuned_gains(scenario: str, plant: str, controller: str) -> Path:
-    """The file of gains tuned for a case.
+    """The file of gains tuned for a case or a mission.
 
     Args:
-        scenario: `switching` or `waypoints`.
+        scenario: `switching`, `waypoints`, or the name of a mission.
         plant: name of the plant.
         controller: name of the controller.
 

@@ -58,12 +58,9 @@ def _compare_on_mission(options: argparse.Namespace) -> int:
     case = FlightCase.of_mission(mission, options.duration)
     kinds = [k for k in options.controllers or [] if k != mission.controller]
     words = [word for word in options.gains if word != TUNED]
-    if len(words) < len(options.gains):
-        note(
-            "tuned gains come along for the paper's cases alone: on a mission each law "
-            "flies with those it begins with, or name a file."
-        )
     sets = case.resolve([MISSION, *([PAPER] if kinds else []), *words], kinds)
+    if TUNED in options.gains:
+        sets += _tuned_for_mission([mission.controller, *kinds], case)
     entries = [
         PlannedRun(
             case.title, case.vehicle, case.plant, one.label, case.loop(one)[1], False
@@ -73,6 +70,18 @@ def _compare_on_mission(options: argparse.Namespace) -> int:
     note_sense(mission, mission.law.on(case.scenario))
     done, interrupted = run_all(entries, seed=mission.seed)
     return report_runs(options, done, interrupted, seed=mission.seed)
+
+
+def _tuned_for_mission(kinds: Sequence[str], case: FlightCase) -> tuple[GainSet, ...]:
+    """The gains that come along for this very mission; laws without any are named."""
+    known = [k for k in kinds if has_tuned_gains(case.title, case.plant, k)]
+    missing = [k for k in kinds if k not in known]
+    if missing:
+        note(
+            f"no tuned gains come along for {', '.join(missing)} on {case.title}: they "
+            "fly with those they begin with alone. `jaxglider tune` makes some."
+        )
+    return case.resolve([TUNED], known) if known else ()
 
 
 def _note_origin(
