@@ -858,3 +858,18 @@ def test_a_law_that_no_gains_ask_for_is_told(call, tmp_path, command):
     assert "--controller is not used: it goes with the words paper and tuned" in err
     _, _, err = call(command, "--gains", "g.toml")
     assert "--controller" not in err
+
+
+def test_what_is_wrong_in_a_call_is_said_before_what_is_odd_in_its_mission(
+    call, tmp_path
+):
+    odd = MISSION + "[water.current]\nnorth_m_s = 20.0\n"
+    (tmp_path / "odd.toml").write_text(odd)
+    for words in (("tune",), ("check-gradients",)):
+        code, out, err = call(*words, "odd.toml", "--free", "haeding")
+        assert (code, out) == (2, "")
+        lines = [line for line in err.splitlines() if "the paper's (" not in line]
+        assert lines[0].startswith("jaxglider: 'haeding' names nothing to tune")
+    # Of a call that is right, all commands say what is odd, not validate alone.
+    code, out, err = call(*("compare", "odd.toml", "--duration", "0.5", "--json"))
+    assert "warning: water.current reaches 20 m/s" in err

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from jaxglider import map_members, paper
+from jaxglider import NoObserver, map_members, paper
 from jaxglider.control import AbstractController
 from jaxglider.control.catalogue import BY_NAME
 from jaxglider.control.prescribed.performance import ExponentialFunction
@@ -23,7 +23,7 @@ from jaxglider.core.sets import K1_BELOW_K2, OBSERVER_SET, Coupled, Interval
 from jaxglider.guidance import LineOfSight
 from jaxglider.signals import BodyAxes, Channels
 from tuning.space.bijections import Above, Below, Positive, bend, unbend
-from tuning.space.coordinates import tunable_paths
+from tuning.space.coordinates import expand, tunable_paths
 from tuning.space.space import Space
 
 CHANNELS = ("depth", "pitch", "heading")
@@ -812,3 +812,25 @@ def test_a_number_outside_the_set_of_its_field_is_refused_where_it_is_built():
 def test_a_set_that_no_search_can_stay_in_is_refused(loop):
     with pytest.raises(ValueError, match="must have two ends or start from zero"):
         Space.of(steered_by(loop, HalfOpen()), ["controller.bias"])
+
+
+class NothingFree(AbstractController):
+    """A law of one's own that has no numbers."""
+
+    model = None
+    funnel = None
+
+    def init(self):
+        """No state."""
+        return None
+
+    def step(self, state, measurement, reference, bounds, dt):
+        """Never called."""
+        raise NotImplementedError
+
+
+def test_a_law_without_numbers_to_tune_is_told_what_gains_are():
+    loop = paper.make_loop("switching", "rigid-body", "smc")
+    plain = dataclasses.replace(loop, controller=NothingFree(), observer=NoObserver())
+    with pytest.raises(ValueError, match=r"^NothingFree has no number to tune"):
+        expand(plain, ["controller"])

@@ -16,14 +16,13 @@ from tuning.reporting.console import note
 def note_sense(mission: Mission, loop: ClosedLoop) -> None:
     """Say what in a mission is hardly meant as it is.
 
+    How long it lasts is left to `validate`: a short run is often meant.
+
     Args:
         mission: mission from its file.
-        loop: closed loop of it as it is flown; one that is told to last another
-            time than the file says is not asked whether that is long enough.
+        loop: closed loop of it as it is flown.
     """
-    flown, own = loop.scenario.clock, mission.loop.scenario.clock
-    whole = flown.ticks == own.ticks
-    for warning in (*mission.remarks, *sense_warnings(loop, whole=whole)):
+    for warning in (*mission.remarks, *sense_warnings(loop, whole=False)):
         note(f"warning: {warning}")
 
 

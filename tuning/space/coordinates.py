@@ -95,6 +95,11 @@ def expand(loop: ClosedLoop, paths: Sequence[str]) -> tuple[str, ...]:
     Raises:
         ValueError: a path under which nothing can be tuned.
     """
+    if not tunable_paths(loop):
+        raise ValueError(
+            f"{type(loop.controller).__name__} has no number to tune, nor has its "
+            "observer: gains of a law of your own are its fields that hold a float."
+        )
     known = [(path, path.split(".")) for path in tunable_paths(loop)]
     matches: dict[str, None] = {}
     for pattern in [paths] if isinstance(paths, str) else paths:

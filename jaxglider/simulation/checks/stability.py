@@ -39,6 +39,8 @@ LONG = 1000.0
 """Time [s] in which a motion that grows e-fold does no harm: no glide lasts as long."""
 NO_WAY = 0.02
 """Speed through the water that counts as none [m/s]."""
+SELDOM = 0.5
+"""Time between commands [s] from which on it may be what a law is lost by."""
 USUAL_ANGLE = round(math.radians(26.0), 9)
 """Gliding angle of most missions of Slocums [rad], rounded as those of tasks are."""
 _NEUTRAL, _DEAD, _SMALL = 1e-6, 1e-6, 1e-2
@@ -209,10 +211,10 @@ def lost(loop: ClosedLoop) -> list[str]:
     growing = [] if all(one.stable for one in modes) else [statement(modes)]
     at_surface = surface_warning(loop)
     found = [*growing, *([at_surface] if at_surface else [])]
-    if found:
-        every = max(float(loop.scenario.clock.dt), float(loop.controller.cycle_time()))
-        found.append(
-            f"the law runs every {every:.3g} s: a shorter tick (period_s or dt_s of "
+    every = max(float(loop.scenario.clock.dt), float(loop.controller.cycle_time()))
+    if found and every >= SELDOM:
+        found[-1] += (
+            f" The law runs every {every:.3g} s: a shorter tick (period_s or dt_s of "
             "clock) or gentler gains may hold it."
         )
     return found

@@ -84,9 +84,8 @@ def problem_spec(options: argparse.Namespace) -> ProblemSpec:
     """
     case = flight_case(options)
     controller, loop = starting_loop(options, case)
-    expand(loop, options.free)
     weights, aggregate = read_objective(options.objective, options.aggregate)
-    return ProblemSpec(
+    spec = ProblemSpec(
         case=case,
         controller=controller,
         loop=loop,
@@ -105,6 +104,8 @@ def problem_spec(options: argparse.Namespace) -> ProblemSpec:
         disturbance_rate_bound=_rate_bound(options),
         gradient_memory=options.gradient_memory or None,
     )
+    expand(loop, spec.paths)  # a word that names nothing is refused before all else
+    return spec
 
 
 def nominal_spec(options: argparse.Namespace) -> ProblemSpec:
@@ -115,8 +116,7 @@ def nominal_spec(options: argparse.Namespace) -> ProblemSpec:
     """
     case = flight_case(options)
     controller, loop = starting_loop(options, case)
-    expand(loop, options.free)
-    return ProblemSpec(
+    spec = ProblemSpec(
         case=case,
         controller=controller,
         loop=loop,
@@ -126,6 +126,8 @@ def nominal_spec(options: argparse.Namespace) -> ProblemSpec:
         disturbance_rate_bound=_rate_bound(options),
         gradient_memory=None,
     )
+    expand(loop, spec.paths)
+    return spec
 
 
 def starting_loop(
