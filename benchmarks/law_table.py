@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import LogLocator, NullLocator
 
 from jaxglider.control.catalogue import BY_NAME
 from jaxglider.plotting.style import new_figure
@@ -43,12 +44,12 @@ def table(results: list[dict[str, Any]]) -> str:
 def _row(result: dict[str, Any], best: dict[str, Any]) -> str:
     start, tuned = result["start"], result["tuned"]
     cells = [BY_NAME[result["law"]].label, str(result["numbers"])]
-    cells.append(f"{_mean(start['cost'], start):.3g} → {_mean_cost(result):.3g}")
+    cells.append(f"{_cell(_mean(start['cost'], start))} → {_cell(_mean_cost(result))}")
     cells.append("–" if result is best else _interval(_costs(best), _costs(result)))
     cells.append(_interval(_costs(result, "start"), _costs(result)))
     for name in tuned["measures"]:
         pair = [_mean(x["measures"][name], x) for x in (start, tuned)]
-        cells.append(" → ".join(f"{x:.3g}" for x in pair))
+        cells.append(" → ".join(map(_cell, pair)))
     if best["left"]:
         cells.append(_share(tuned["left"]))
     cells.append(_share(~np.asarray(tuned["good"])))
@@ -58,24 +59,39 @@ def _row(result: dict[str, Any], best: dict[str, Any]) -> str:
 
 
 def _headline(ranked: list[dict[str, Any]]) -> str:
-    """Who wins, and by how much over the best law of the paper."""
+    """Who wins, and by how much over the best law of the paper; on a mission, the next.
+
+    On a mission of yos the question is who beats the law that the glider has.
+    """
     best = ranked[0]
     label = BY_NAME[best["law"]].label
     name = f"**{label} wins**"
+    if _is_flown(best) and len(ranked) > 1:
+        return _over(best, ranked[1], "next")
     papers = [r for r in ranked if r["law"] in PAPER_LAWS]
     others = [r for r in ranked if r["law"] not in PAPER_LAWS]
     if not papers or not others:
         return f"{name}."
     rival = others[0] if best["law"] in PAPER_LAWS else papers[0]
     whose = "other law" if best["law"] in PAPER_LAWS else "law of the paper"
+    return _over(best, rival, f"best {whose}")
+
+
+def _over(best: dict[str, Any], rival: dict[str, Any], whose: str) -> str:
+    label = BY_NAME[best["law"]].label
+    name = f"**{label} wins**"
     first, second = _costs(best), _costs(rival)
     interval = paired_difference(first, second)["interval"]
     if interval is not None and interval[0] <= 0.0:
-        name = f"**{label} is first, and not told from the best {whose}**"
+        name = f"**{label} is first, and not told from the {whose}**"
     return (
         f"{name}: {BY_NAME[rival['law']].label} costs {_interval(first, second)} more, "
         f"{_mean_cost(rival):.3g} against {_mean_cost(best):.3g}."
     )
+
+
+def _is_flown(result: dict[str, Any]) -> bool:
+    return "moves [1/h]" in result["tuned"]["measures"]
 
 
 def _costs(result: dict[str, Any], when: str = "tuned") -> np.ndarray:
@@ -94,6 +110,11 @@ def _mean(values: list[float | None], of: dict[str, Any]) -> float:
 
 def _mean_cost(result: dict[str, Any]) -> float:
     return _mean(result["tuned"]["cost"], result["tuned"])
+
+
+def _cell(value: float) -> str:
+    """A number; "lost" where no glider was left to take it of."""
+    return "lost" if np.isnan(value) else f"{value:.3g}"
 
 
 def _interval(first: np.ndarray, second: np.ndarray) -> str:
@@ -118,8 +139,9 @@ def figure(results: list[dict[str, Any]]) -> Any:
     """
     drawn = new_figure(6.4, 4.4)
     axes = drawn.add_subplot()
-    flown = "moves [1/h]" in results[0]["tuned"]["measures"]
+    flown = _is_flown(results[0])
     measures = "moves [1/h]" if flown else "angle [rad]", "heading [rad]"
+    drawn_at = []
     for result in results:
         places = [
             [_mean(result[when]["measures"][m], result[when]) for m in measures]
@@ -129,19 +151,25 @@ def figure(results: list[dict[str, Any]]) -> Any:
         axes.plot([x0, x1], [y0, y1], color="0.8", linewidth=0.8, zorder=1)
         paper = result["law"] in PAPER_LAWS
         axes.plot(x1, y1, "o" if paper else "s", color="C0" if paper else "C1")
+        drawn_at.append((y1, x1, BY_NAME[result["law"]].label))
+    # Good laws lie close together: their names stand beside, in the order of heights.
+    for number, (y, x, label) in enumerate(sorted(drawn_at)):
         axes.annotate(
-            BY_NAME[result["law"]].label,
-            (x1, y1),
-            xytext=(4, 3),
-            textcoords="offset points",
+            label,
+            (x, y),
+            xytext=(1.03, (number + 0.5) / len(drawn_at)),
+            textcoords="axes fraction",
             fontsize=7,
+            va="center",
+            arrowprops={"arrowstyle": "-", "color": "0.6", "linewidth": 0.4},
         )
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.margins(x=0.15, y=0.08)
     for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter("{x:g}")
+        axis.set_minor_locator(NullLocator())
     what = "moves of mass and fin [1/h]" if flown else "way of the mass angle [rad]"
     axes.set_xlabel(f"{what}, tuned; lines from the start")
     axes.set_ylabel(f"{'rms' if flown else 'L2'} of the heading error [rad]")

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -15,6 +16,8 @@ from jaxglider.simulation.checks import causes
 from jaxglider.simulation.checks.failure import explain
 from jaxglider.simulation.checks.past import Culprit, Past, before, first_nonsense
 from jaxglider.simulation.flight import FlightMetrics
+from jaxglider.simulation.rollout import Trajectory
+from jaxglider.simulation.tick import TickRecord
 from jaxglider.vehicle.energy import Consumers
 from tuning.evaluation.failures import until_failure
 from tuning.search.rescue import CannotStart
@@ -225,3 +228,18 @@ def test_a_tune_that_cannot_start_ends_with_code_1_and_what_it_tried(
     assert err.splitlines()[0] == "jaxglider: nothing to tune from: all is lost"
     assert "o: tried-1.toml to tried-2.toml." in err
     assert (tmp_path / "o" / "tried-2.toml").exists()
+
+
+def test_a_mission_that_ends_in_the_tick_that_loses_the_glider_keeps_the_ticks_before():
+    """The records after its end are of a glider that is lost: no cause is in them."""
+    groups = ("state", "wanted", "applied", "error", "estimate")
+    numbers = {g: SimpleNamespace(north=np.array([0.0, 1.0, np.nan])) for g in groups}
+    active, time = np.array([True, True, False]), np.array([0.0, 4.0, 8.0])
+    ticks, run = object.__new__(TickRecord), object.__new__(Trajectory)
+    lost = SimpleNamespace(finite=False)
+    parts = {"active": active, "time": time, **numbers}
+    for one, fields in ((ticks, parts), (run, {"ticks": ticks, "metrics": lost})):
+        for name, value in fields.items():
+            object.__setattr__(one, name, value)
+    culprit = first_nonsense(run, 12.0)
+    assert (culprit.tick, culprit.time, culprit.name) == (2, 8.0, "state")

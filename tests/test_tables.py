@@ -328,6 +328,20 @@ def test_flights_are_ranked_by_energy_for_the_way_and_lost_ones_stand_last():
     assert [line.split()[0] for line in text[2:]] == order
 
 
+def test_yos_show_no_depth_error_even_of_a_law_that_was_lost_in_the_first_dive():
+    text = text_table([_run(controller="slocum", halves=[{}]), _run(controller="smc")])
+    assert "depth [m]" not in text
+    assert "depth [m]" in text_table([_run(controller="smc")])
+
+
+def test_a_glider_flung_far_away_does_not_widen_the_ranking():
+    far = _flown("far", 1.0, capsized=True)
+    far["flight"]["made_good_m"] = 7.4e37
+    lines = text_ranking([_flown("near", 11.0), far]).splitlines()
+    assert "7.4e+37" in lines[-1]
+    assert len({len(line) for line in lines[1:]}) == 1
+
+
 def test_one_flight_alone_has_no_ranking():
     assert text_ranking([_flown("slocum", 11.0), _run()]) == ""
     assert markdown_ranking([_flown("slocum", 11.0)]) == []

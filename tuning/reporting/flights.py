@@ -110,10 +110,17 @@ def _ranked(
         for _, keys, factor, digits in _RANKING:
             value = reduce(getitem, keys, run["flight"])
             # Until it failed: sums of nonsense.
-            cells.append("-" if end == _FAILED else decimals(value, digits, factor))
+            cells.append("-" if end == _FAILED else _short(value, digits, factor))
         rows.append([*cells, end])
     wide = max(len(row[-1]) for row in rows)
     return [*titles[:-1], f"{titles[-1]:>{wide}}"], rows
+
+
+def _short(value: float | None, digits: int, factor: float) -> str:
+    """A number with some decimals; of a glider flung far away, its size alone."""
+    if value is not None and math.isfinite(value) and abs(factor * value) >= 1e6:
+        return f"{factor * value:.1e}"
+    return decimals(value, digits, factor)
 
 
 def _how_it_ended(run: dict[str, Any]) -> str:

@@ -96,10 +96,11 @@ def text_table(runs: list[dict[str, Any]]) -> str:
         f"{'':<14}{'':<{wide}}{above}",
         f"{'channel':<14}{'controller':<{wide}}{below}",
     ]
+    # A glider whose ballast is set once per phase tracks no depth.
+    of_yos = any("halves" in run for run in runs)
     for channel, unit in CHANNEL_UNITS.items():
         for run in runs:
-            # A glider whose ballast is set once per phase tracks no depth.
-            if channel == "depth" and "halves" in run:
+            if channel == "depth" and of_yos:
                 continue
             measures = run["channels"][channel]
             values = [measures[key] for key in _COLUMNS]

@@ -118,7 +118,10 @@ def first_nonsense(run: Trajectory, end: float) -> Culprit | None:
         tick, name, value = min(found, key=lambda one: one[0])
         return Culprit(tick, float(ticks.time[tick]), name, value)
     if not bool(run.metrics.finite):
-        return Culprit(len(active), end, "state", float("nan"))
+        # A mission that ended in that very tick has records of what was left of it.
+        last = int(np.count_nonzero(active))
+        time = end if last == len(active) else float(ticks.time[last])
+        return Culprit(last, time, "state", float("nan"))
     return _at_the_end(run, int(active.sum()))
 
 
