@@ -12,6 +12,8 @@ import argparse
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +40,10 @@ def main() -> int:
     judged = np.isin(flight.dive, ours.fit.plan.held_out) & flight.good
     measured = verdict.measured["depth_rate"]
     last = flight.time[~np.isin(flight.dive, ours.fit.plan.held_out)].max()
-    theirs, seconds = timed(lambda: peer(np.load(options.file), last, flight.time))
+    # It forks, which JAX's threads do not survive: a process of its own.
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        table = np.load(options.file)
+        theirs, seconds = pool.submit(peer, table, last, flight.time).result()
     rows = (
         ("jaxglider", verdict.after["depth_rate"], f"{first:.1f}, again {second:.1f}"),
         ("gliderflight", theirs, f"{seconds:.1f}"),
@@ -66,8 +71,8 @@ def timed(function: Callable[[], Any]) -> tuple[Any, float]:
     return function(), time.perf_counter() - begun
 
 
-def peer(table: np.ndarray, last: float, times: np.ndarray) -> np.ndarray:
-    """Depth rate of gliderflight's dynamic model, calibrated until a time [m/s].
+def peer(table: np.ndarray, last: float, times: np.ndarray) -> tuple[np.ndarray, float]:
+    """Depth rate of gliderflight's dynamic model [m/s], and time of calibrating it [s].
 
     Args:
         table: time [s], pressure [bar], pitch [rad], ballast [cc] and density [kg/m³].
@@ -83,11 +88,11 @@ def peer(table: np.ndarray, last: float, times: np.ndarray) -> np.ndarray:
     part = [row[known] for row in table[:5]]
     model.set_input_data(*part)
     model.OR(10.0 * part[1] < 5.0)
-    model.calibrate("mg", "Cd0")
+    _, seconds = timed(lambda: model.calibrate("mg", "Cd0"))
     names = ("time", "pressure", "pitch", "buoyancy_change", "density")
     flown = model.solve(dict(zip(names, table[:5], strict=True)))
     rising = flown.U * np.sin(table[2] + flown.alpha)
-    return -np.interp(times, since, rising)
+    return -np.interp(times, since, rising), seconds
 
 
 if __name__ == "__main__":
