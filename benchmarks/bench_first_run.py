@@ -25,6 +25,7 @@ BEGUN = time.perf_counter()
 # A command starts JAX itself, as for a user, without what other benchmarks set.
 CHILD = "--child" in sys.argv
 ENVIRONMENT = dict(os.environ)
+ENVIRONMENT.pop("JAX_COMPILATION_CACHE_DIR", None)
 if not CHILD:
     import measuring
 
@@ -42,6 +43,9 @@ STARTS = {
     "compare": ["compare", "--out", "out"],
     "tune --steps 1": ["tune", "--steps", "1", "--out", "out"],
 }
+
+
+FROM_PYTHON = ("rollout", "gradient")
 
 
 class Span(NamedTuple):
@@ -120,7 +124,7 @@ def from_python(kind: str) -> None:
 def child(words: list[str]) -> None:
     """In a process of its own: one start, as JSON on the last line."""
     run: Callable[[], Any]
-    if words[0] in ("rollout", "gradient"):
+    if words[0] in FROM_PYTHON:
         import jaxglider.paper  # noqa: F401
 
         run = lambda: from_python(words[0])
@@ -151,12 +155,16 @@ def child(words: list[str]) -> None:
 
 def start(words: list[str], cache: str, folder: str) -> dict[str, Any]:
     """One start in an empty folder that has a mission file in it."""
+    # A command finds its own folders for compiled and traced programs, Python has none.
+    caches = {"XDG_CACHE_HOME": cache}
+    if words[0] in FROM_PYTHON:
+        caches["JAX_COMPILATION_CACHE_DIR"] = cache
     command = [sys.executable, "-m", "tuning", "init"]
     subprocess.run(command, cwd=folder, capture_output=True, check=True)
     done = subprocess.run(
         [sys.executable, __file__, "--child", *words],
         cwd=folder,
-        env={**ENVIRONMENT, "JAX_COMPILATION_CACHE_DIR": cache},
+        env={**ENVIRONMENT, **caches},
         capture_output=True,
         check=True,
         encoding="utf-8",

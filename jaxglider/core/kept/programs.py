@@ -185,6 +185,7 @@ def _traced(
         found[:] = [jax.tree.structure(result), rest]
         return jax.tree.leaves(result)
 
+    flat.__name__ = getattr(function, "__name__", "program")
     inputs = [_as_data(x) for x in jax.tree.leaves(dynamic)]
     exported = jax.export.export(jax.jit(flat))(*inputs)
     results, rest = found
@@ -195,8 +196,11 @@ def _traced(
 
 
 def _runner(exported: Any, results: Any, static: Any) -> Callable[[Sequence[Any]], Any]:
-    run = jax.jit(exported.call)
-    place = None
+    def program(*inputs: Any) -> Any:
+        return exported.call(*inputs)
+
+    program.__name__ = exported.fun_name  # as JAX's logs tell programs apart
+    run, place = jax.jit(program), None
     if exported.nr_devices > 1:
         devices = np.asarray(jax.devices()[: exported.nr_devices])
         place = NamedSharding(Mesh(devices, ("members",)), PartitionSpec())
