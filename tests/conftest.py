@@ -1,6 +1,7 @@
 """Shared set-up: double precision, shape checks, and programs compiled only once."""
 
 import contextlib
+import ctypes
 import gc
 import os
 import shutil
@@ -48,6 +49,8 @@ from jaxglider.simulation.rollout import evaluate, simulate
 
 KEPT_DAYS = 14
 """Days that a compiled program is kept for later sessions."""
+RESIDENT = 3e9
+"""Bytes in memory from which a session drops its traces and programs."""
 
 
 def pytest_configure(config):
@@ -84,6 +87,31 @@ def pytest_collection_finish():
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def memory_given_back():
+    """Drops JAX's traces and programs after a file of tests that has filled the memory.
+
+    JAX keeps all that it ever traced and compiled. What is dropped is traced again
+    where it is needed, so it is dropped seldom. The C library keeps freed pages
+    until it is asked for them.
+    """
+    yield
+    if _resident() > RESIDENT:
+        jax.clear_caches()
+        gc.collect()
+        with contextlib.suppress(OSError, TypeError, AttributeError):  # glibc alone
+            ctypes.CDLL(None).malloc_trim(0)
+
+
+def _resident():
+    """Bytes of this process in memory; 0 where the system does not say."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 @pytest.fixture
