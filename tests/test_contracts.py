@@ -56,6 +56,7 @@ from jaxglider.signals import (
     Reference,
     zeros,
 )
+from jaxglider.simulation.checks.half_yo import HeldHalf
 from jaxglider.vehicle.actuators import Actuator, Failure
 from jaxglider.vehicle.energy import Pump
 from jaxglider.vehicle.full_plant import full_plant
@@ -337,6 +338,7 @@ REGISTRY = {
     ),
     "plant/fin": lambda: plant(full_plant(load_vehicle("slocum-comet"))),
     "reference/yo": lambda: reference(yo()),
+    "reference/half-yo": lambda: reference(HeldHalf(yo().course, yo().settings)),
     **{
         f"observer/{name}": lambda name=name: observer(paper.make_observer(name, MODEL))
         for name in OBSERVERS

@@ -128,3 +128,24 @@ def test_results_of_another_command_are_kept_unless_told(tmp_path):
     path.write_text("no JSON")
     with pytest.raises(ValueError, match="holds the results of another command"):
         keep_other_results(path, ["tune"])
+
+
+@pytest.mark.parametrize(
+    ("command", "file"),
+    [
+        ("compare", "metrics.json"),
+        ("tune", "tune.json"),
+        ("worst", "worst.json"),
+        ("check-gradients", "gradients.json"),
+        ("fit record.csv", "fit.json"),
+    ],
+)
+def test_each_command_keeps_the_results_of_another(call, tmp_path, command, file):
+    path = tmp_path / file
+    before = '{"provenance": {"command": ["compare", "--seed", "9"]}}'
+    path.write_text(before)
+    code, _, said = call(*command.split(), "--out", tmp_path)
+    assert code == 2
+    assert "holds the results of another command, `jaxglider compare --seed 9`" in said
+    assert "--overwrite" in said
+    assert path.read_text() == before

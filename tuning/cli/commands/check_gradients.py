@@ -9,11 +9,15 @@ from tuning.cli.session.from_options import nominal_spec, note_mission
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import OK
 from tuning.reporting.html import write_html
-from tuning.reporting.output_folder import folder_name
+from tuning.reporting.output_folder import folder_name, keep_other_results
 
 
 def check(options: argparse.Namespace) -> int:
     """`jaxglider check-gradients`: reverse mode against differences, gain by gain."""
+    if options.out is not None:
+        keep_other_results(
+            options.out / "gradients.json", sys.argv[1:], overwrite=options.overwrite
+        )
     spec = nominal_spec(options)
     note_mission(options)
     outcome = check_problem(spec, short=options.short, progress=Progress())

@@ -29,7 +29,11 @@ from tuning.cli.session.from_options import (
 )
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import INTERRUPTED, OK, RUN_FAILED, VIOLATED
-from tuning.reporting.output_folder import folder_name, writing_to
+from tuning.reporting.output_folder import (
+    folder_name,
+    keep_other_results,
+    writing_to,
+)
 
 LEVELS = 32
 """Parts of the highest level: a bisection of these takes seven campaigns at most."""
@@ -77,6 +81,9 @@ def sweep(options: argparse.Namespace) -> int:
 
 def worst(options: argparse.Namespace) -> int:
     """`jaxglider worst`: a search for the worst member, beside random ones."""
+    keep_other_results(
+        options.out / "worst.json", sys.argv[1:], overwrite=options.overwrite
+    )
     case = flight_case(options)
     controller, loop = starting_loop(options, case)
     box: Any = options.uncertainty

@@ -4,7 +4,12 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from tuning.cli.options.arguments import add_common, positive, whole
+from tuning.cli.options.arguments import (
+    add_common,
+    add_overwrite,
+    positive,
+    whole,
+)
 
 KINDS = ("steady", "driven", "closed")
 """Names of the fits, the lightest first."""
@@ -103,4 +108,5 @@ def add_fit(commands: Any) -> None:
         help="look along the likelihood of the N numbers that the record tells worst; "
         "default: 2",
     )
+    add_overwrite(parser)
     add_common(parser, "results/fit")

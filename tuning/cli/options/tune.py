@@ -138,6 +138,7 @@ def add_check(commands: Any) -> None:
         metavar="DIR",
         help="write gradients.json and report.html there; nothing by default",
     )
+    add_overwrite(parser)
     add_output(parser)
 
 

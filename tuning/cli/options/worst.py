@@ -6,6 +6,7 @@ from tuning.cli.options.arguments import (
     add_case,
     add_common,
     add_controller,
+    add_overwrite,
     count,
     seed,
     uncertainty,
@@ -49,4 +50,5 @@ def add_worst(commands: Any) -> None:
     parser.add_argument(
         "--seed", type=seed, default=0, metavar="N", help="of all draws; default: 0"
     )
+    add_overwrite(parser)
     add_common(parser, "results/worst")

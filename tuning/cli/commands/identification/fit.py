@@ -8,11 +8,14 @@ from tuning.identification.record.reading import read_record
 from tuning.identification.report.report import text_of
 from tuning.reporting.console import Progress, note, print_result
 from tuning.reporting.exit_codes import OK
-from tuning.reporting.output_folder import folder_name
+from tuning.reporting.output_folder import folder_name, keep_other_results
 
 
 def fit(options: argparse.Namespace) -> int:
     """`jaxglider fit`: fit, judge on held-out dives, and write the files to go on."""
+    keep_other_results(
+        options.out / "fit.json", sys.argv[1:], overwrite=options.overwrite
+    )
     progress = Progress()
     progress.show("reading the record ...")
     record = read_record(options.files, options.flip)
