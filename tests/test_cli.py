@@ -30,6 +30,7 @@ import tuning.evaluation.runs
 from jaxglider import paper
 from jaxglider.control.catalogue import BY_NAME
 from jaxglider.files.codec import encode
+from jaxglider.files.flight.missions import mission_names
 from jaxglider.files.gains import load_gains
 from jaxglider.files.mission import TEMPLATE, build_mission, load_mission
 from jaxglider.files.uncertainty import load_uncertainty
@@ -382,6 +383,17 @@ def test_a_glider_beside_a_mission_is_refused_and_told_where_it_is_said(call):
     code, _, err = call("init", "--uncertainty", "--vehicle", "slocum")
     assert code == 2
     assert "--vehicle and --plant go with a mission file" in err
+
+
+@pytest.mark.parametrize("name", ["slocum", "slocum-comet", "seaglider", "rogue"])
+def test_init_names_the_missions_that_such_a_glider_flies(call, tmp_path, name):
+    code, out, err = call("init", "--vehicle", name, "--force")
+    assert code == 0, err
+    assert "`jaxglider validate mission.toml` says whether they suit" in out
+    words = {word.strip(",") for word in out.split()}
+    family = name.partition("-")[0]
+    own = {mission for mission in mission_names() if mission.startswith(family)}
+    assert words & set(mission_names()) == own
 
 
 def test_init_writes_what_is_uncertain_too(call, tmp_path):

@@ -9,6 +9,7 @@ import tomli_w
 
 from jaxglider.core.toml import reason
 from jaxglider.files import mission, uncertainty
+from jaxglider.files.flight.missions import mission_summaries
 from jaxglider.files.gains import read_gains
 from jaxglider.files.settings.lists import KNOWN, Settings, read_settings, settings_of
 from jaxglider.files.writing import write_text
@@ -47,7 +48,29 @@ def init(options: argparse.Namespace) -> int:
         raise OSError(f"{path} cannot be written: {reason(error)}.") from error
     use = "tune --uncertainty" if options.uncertainty else "simulate"
     sys.stdout.write(f"{path} written. Edit it, then: jaxglider {use} {path}\n")
+    if options.vehicle and options.vehicle != VEHICLE:
+        sys.stdout.write(_as_it_flies(options.vehicle, path))
     return OK
+
+
+def _as_it_flies(name: str, path: Path) -> str:
+    """What suits another glider than the paper's, for a terminal."""
+    text = (
+        "Law and task are the paper's, made for a SeaWing: `jaxglider validate "
+        f"{path}` says whether they suit.\n"
+    )
+    family = name.partition("-")[0]
+    names = [
+        mission
+        for mission, about in mission_summaries().items()
+        if about["vehicle"].partition("-")[0] == family
+    ]
+    if names:
+        text += (
+            f"As such a glider flies, with its own law: {', '.join(names)} "
+            "(`jaxglider missions --show NAME > FILE` writes one).\n"
+        )
+    return text
 
 
 def _for_glider(text: str, name: str, plant: str | None) -> str:
