@@ -660,10 +660,13 @@ def test_a_loop_without_observer_has_no_observer_set(loops):
 def test_a_start_on_a_closed_end_moves_just_inside_and_one_note_says_so(loop):
     space = Space.of(loop, ["controller.funnel.transformation"])
     (note,) = [note for note in space.notes if "funnel" in note]
-    assert note.count("controller.funnel.transformation.") == 6
+    assert note.startswith("6 numbers of controller.funnel.transformation (")
     assert "from 0.99 instead of 1" in note
     started = space.values(space.write(loop, space.read(loop)))
     assert list(started.values()) == pytest.approx([0.99] * 6)
+    depth = Space.of(loop, ["controller.funnel.transformation.depth"])
+    (note,) = [note for note in depth.notes if "funnel" in note]
+    assert note.count("controller.funnel.transformation.depth.") == 2
 
 
 def test_a_fixed_final_bound_caps_the_initial_value(loop):

@@ -1,6 +1,7 @@
 """Start of a search: the numbers of a closed loop, moved into their sets."""
 
 import math
+import os
 from collections.abc import Callable, Collection, Sequence
 from operator import attrgetter
 from typing import Any
@@ -18,6 +19,8 @@ from tuning.space.coordinates import Pair, leaves
 # long: this share inside a fixed edge, and inside an edge that moves with a gain.
 _INSIDE, _INSIDE_COUPLED = 0.01, 0.05
 _SMALLEST, _LARGEST = 1e-12, 1e12
+_FEW = 3
+"""Paths that a sentence names one by one."""
 
 
 def start_inside(
@@ -49,7 +52,7 @@ def start_inside(
                 f"tuned; received {start[c.path]:g}. Give another start, leave it "
                 "out, or give a field of your own an Interval for its set."
             )
-    notes = [words.format(paths=", ".join(where)) for words, where in moved.items()]
+    notes = [words.format(paths=_named(where)) for words, where in moved.items()]
     return start, notes
 
 
@@ -63,6 +66,14 @@ def partners_first(
         return max((1 + depth(free[p]) for p in c.partners if p in free), default=0)
 
     return sorted(enumerate(coordinates), key=lambda numbered: depth(numbered[1]))
+
+
+def _named(paths: Sequence[str]) -> str:
+    """Paths as a reader takes them in: many that lie together by their number."""
+    together = os.path.commonprefix([path.split(".") for path in paths])
+    if len(paths) <= _FEW or not together:
+        return ", ".join(paths)
+    return f"{len(paths)} numbers of {'.'.join(together)}"
 
 
 def edge_at(c: Coordinate, start: dict[str, float]) -> Any:
