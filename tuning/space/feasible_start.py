@@ -1,8 +1,8 @@
 """Start of a search: the numbers of a closed loop, moved into their sets."""
 
 import math
-import os
 from collections.abc import Callable, Collection, Sequence
+from itertools import takewhile
 from operator import attrgetter
 from typing import Any
 
@@ -70,7 +70,8 @@ def partners_first(
 
 def _named(paths: Sequence[str]) -> str:
     """Paths as a reader takes them in: many that lie together by their number."""
-    together = os.path.commonprefix([path.split(".") for path in paths])
+    levels = zip(*(path.split(".") for path in paths), strict=False)
+    together = [names[0] for names in takewhile(lambda x: len(set(x)) == 1, levels)]
     if len(paths) <= _FEW or not together:
         return ", ".join(paths)
     return f"{len(paths)} numbers of {'.'.join(together)}"

@@ -54,7 +54,7 @@ def init(options: argparse.Namespace) -> int:
 
 
 def _as_it_flies(name: str, path: Path) -> str:
-    """What suits another glider than the paper's, for a terminal."""
+    """Sentences for a terminal on what suits another glider than the paper's."""
     text = (
         "Law and task are the paper's, made for a SeaWing: `jaxglider validate "
         f"{path}` says whether they suit.\n"
