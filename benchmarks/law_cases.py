@@ -20,7 +20,7 @@ from jaxglider.guidance.phases import COMPLETED
 from jaxglider.signals import CHANNELS, COMMAND_UNITS, Command
 from jaxglider.simulation.closed_loop import ClosedLoop
 from tuning.problem.case import FlightCase
-from tuning.problem.gain_sets import PAPER
+from tuning.problem.gain_sets import MISSION, PAPER
 from tuning.problem.objective_file import DEFAULT_WEIGHTS
 
 SCALES = {
@@ -66,12 +66,14 @@ class LawCase:
     left: tuple[str, Callable[[Any], Any]] | None = None
 
     def loop(self, law: str) -> ClosedLoop:
-        """The closed loop with a law as it begins.
+        """The closed loop with a law as it begins, a mission's own with its gains.
 
         Regulators run no faster than the case ticks, and are told what its actuators
         can do.
         """
-        (chosen,) = self.flight.resolve([PAPER], [law])
+        own = self.flight.own
+        flown = own is not None and own.label.split()[0] == law
+        (chosen,) = self.flight.resolve([MISSION if flown else PAPER], [law])
         loop = self.flight.loop(chosen)[1]
         return dataclasses.replace(loop, controller=_designed(loop))
 
