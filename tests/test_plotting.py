@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from jaxglider import paper, plotting
@@ -24,7 +25,13 @@ from jaxglider.control.prescribed.performance import (
 )
 from jaxglider.plotting.save import save
 from jaxglider.plotting.series import MAX_POINTS, break_jumps, keep_extremes
-from jaxglider.plotting.style import label_time, look, styles
+from jaxglider.plotting.style import (
+    label_time,
+    legend_above,
+    look,
+    new_figure,
+    styles,
+)
 from jaxglider.signals import BodyAxes, Channels, Command, GliderState, map_fields
 from jaxglider.simulation.metrics import empty_sums, finish
 from jaxglider.simulation.rollout import Trajectory
@@ -535,3 +542,16 @@ def test_legend_is_legible_and_covers_neither_data_nor_margin(every, name):
     assert axis.get_window_extent().width > 0.6 * figure.bbox.width
     texts = [*axis.get_legend().get_texts(), axis.yaxis.label, *axis.get_xticklabels()]
     assert min(t.get_fontsize() for t in texts) >= 8.0
+
+
+def test_panels_keep_their_height_under_the_legend_of_many_runs():
+    heights = []
+    for count in (3, 18):
+        with look():
+            figure = new_figure(3.4, 4.2)
+            panels = figure.subplots(3, 1)
+            names = [f"fixed-time-backstepping ({n})" for n in range(count)]
+            legend_above(panels[0], [Line2D([], [], label=name) for name in names])
+            figure.draw_without_rendering()
+        heights.append(panels[0].get_position().height * figure.get_figheight())
+    assert heights[1] > 0.6 * heights[0]

@@ -198,10 +198,15 @@ class _TicksOf(MaxNLocator):
         return self._unit * np.asarray(ticks)
 
 
+_USUAL_ROWS = 5
+
+
 def legend_above(
     axis: Axes, handles: Sequence[Any], beside: Sequence[Axes] = ()
 ) -> None:
     """A legend outside the frame, above it, in as many columns as there is room for.
+
+    A figure with a legend of more rows than a few runs have grows by them.
 
     Args:
         axis: the legend ends at its right edge and may spread to the left of it.
@@ -212,6 +217,10 @@ def legend_above(
     columns = _columns_that_fit(axis, [h.get_label() for h in handles], size)
     noted = any(a.get_title(loc="right") for a in (axis, *beside))
     figure: Any = axis.figure
+    beyond = max(-(-len(handles) // columns) - _USUAL_ROWS, 0)
+    sheet: Any = axis.get_figure(root=True)
+    line = 1.5 * size.get_size_in_points() / 72.0
+    sheet.set_figheight(sheet.get_figheight() + beyond * line)
     place: dict[str, Any] = {
         "loc": "lower right",
         "bbox_to_anchor": (1.0, 1.0),
