@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxglider.control.textbook.mpc import MPC
-from jaxglider.control.textbook.regulator import AbstractRegulator
 from jaxglider.files.flight.missions import mission_path
 from jaxglider.files.mission import load_mission
 from jaxglider.guidance.phases import COMPLETED
@@ -68,8 +67,7 @@ class LawCase:
     def loop(self, law: str) -> ClosedLoop:
         """The closed loop with a law as it begins, a mission's own with its gains.
 
-        Regulators run no faster than the case ticks, and are told what its actuators
-        can do.
+        A predictive one is told what its actuators can do.
         """
         own = self.flight.own
         flown = own is not None and own.label.split()[0] == law
@@ -162,9 +160,6 @@ def mission_case(name: str, duration: float | None) -> LawCase:
 
 def _designed(loop: ClosedLoop) -> Any:
     law, scenario = loop.controller, loop.scenario
-    if not isinstance(law, AbstractRegulator):
-        return law
-    law = dataclasses.replace(law, period=jnp.maximum(law.period, scenario.clock.dt))
     if not isinstance(law, MPC):
         return law
     limits, rates = {}, {}

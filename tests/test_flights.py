@@ -525,3 +525,15 @@ def test_the_figure_of_energy_ends_with_what_was_spent(shallow):
     paths = [path for part in axis.collections for path in part.get_paths()]
     top = max(path.vertices[:, 1].max() for path in paths)
     assert top == pytest.approx(float(shallow.metrics.flight.total_energy) / 1e3)
+
+
+def test_a_regulator_is_designed_for_the_control_period_of_its_mission(slocum):
+    """For a period of 1 s, and run every 4 s, it rolls the glider over."""
+    mission = load_mission(mission_path("slocum-shallow"))
+    case = FlightCase.of_mission(mission)
+    (gains,) = case.resolve(["paper"], ["lqr"])
+    _, loop = case.loop(gains)
+    assert float(loop.controller.period) == float(slocum.scenario.clock.dt) == 4.0
+    run = flown(loop)
+    assert status(run) == "completed"
+    assert float(run.metrics.max_roll) < 0.2

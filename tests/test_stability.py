@@ -162,16 +162,19 @@ def on_shallow_slocum(kind):
 
 
 def test_a_law_that_stands_on_its_nose_at_the_surface_is_named_beforehand():
-    # Flown, the regulator rolls past 90 deg after 92 s of its first stay; on the way
-    # down, where it has speed, it is stable.
-    regulator = on_shallow_slocum("lqr")
+    # Designed to run every second and flown every 4 s, the regulator rolls past 90 deg
+    # after 92 s of its first stay; on the way down, where it has speed, it is stable.
+    paced = on_shallow_slocum("lqr")
+    law = dataclasses.replace(paced.controller, period=jnp.asarray(1.0))
+    regulator = dataclasses.replace(paced, controller=law)
     down, up = glides_of(regulator)
     assert down.angle < 0.0 < up.angle
     assert all(one.stable for one in loop_modes(regulator, (down, up)))
     (surface,) = lost(regulator)
     assert surface.startswith("the loop is NOT stable at the surface")
     assert "every 4 s" in surface
-    # Slocum's own law flies the mission to its end.
+    # Designed for 4 s it flies the mission to its end, as Slocum's own law does.
+    assert lost(paced) == []
     assert lost(load_mission(shipped("slocum-shallow")).loop) == []
 
 

@@ -91,6 +91,10 @@ class AbstractController(Container):
         """The law as it runs on board; one with work to do beforehand has it done."""
         return self
 
+    def paced(self, tick: Scalar) -> "AbstractController":
+        """The law for a control tick [s]: itself, unless its design depends on it."""
+        return self
+
     def cycle_time(self) -> Scalar:
         """Time from one run of the law to the next [s]; 0 for one of every tick."""
         return jnp.zeros(())

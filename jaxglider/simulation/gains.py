@@ -45,7 +45,8 @@ class LoadedGains(NamedTuple):
             path = guided_by(scenario.reference, self.guidance)
             scenario = dataclasses.replace(scenario, reference=path)
         estimator = self._estimator(scenario)
-        return ClosedLoop(scenario, self.controller, self.observer, estimator)
+        law = self.controller.paced(scenario.clock.dt)
+        return ClosedLoop(scenario, law, self.observer, estimator)
 
     def _estimator(self, scenario: Scenario) -> AbstractEstimator | None:
         """The estimator for the instruments and the clock; None without instruments."""

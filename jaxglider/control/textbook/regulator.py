@@ -9,6 +9,7 @@ Source: N. E. Leonard and J. G. Graver, IEEE Journal of Oceanic Engineering 26 (
 ones by Bryson's rule, 1 over the square of what is bearable.
 """
 
+import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -105,6 +106,10 @@ class AbstractRegulator(AbstractController):
     def integral_weights(self) -> Channels[Scalar] | None:
         """Weights of ∫e dt of each channel; None for none."""
         return None
+
+    def paced(self: Own, tick: Scalar) -> Own:
+        """The law designed to run every tick [s], where it would run more often."""
+        return dataclasses.replace(self, period=jnp.maximum(self.period, tick))
 
     def cycle_time(self) -> Scalar:
         """Time from one run of the law to the next [s]."""
